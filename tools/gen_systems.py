@@ -1,5 +1,5 @@
 """Generate the C files that depend on the set of systems: the public plumb/params.h, records.h and systems.h, then
-record_names.h, system_headers.h, systems.c and systems.cmake.
+record_names.h, system_headers.h, used_parts.h, systems.c and systems.cmake.
 
 Sources: host/plumb/systems/NAME/system.toml, blocks.toml and parameters.toml. Types and the parameter table cover all
 systems; the dispatch and the largest record only those that the image is built for.
@@ -129,6 +129,31 @@ def systems_h(built: Iterable[System]) -> str:
         if (PUBLIC / f"{system.name}_tunings.h").is_file():
             lines.append(f'#include "plumb/{system.name}_tunings.h"')
     return LINE_1 + "\n".join([*lines, "", "#endif", ""])
+
+
+USED = {
+    "PULSES": ("the outputs to speed controllers", ("PULSES",)),
+    "BRIDGE": ("the three-phase bridge, with its Hall sensors", ("BRIDGE", "BALANCE")),
+    "ANALOG": ("the analog inputs", ("ANALOG_3", "ANALOG_6")),
+    "DIGITAL": ("the digital sensors", ("BALANCE", "SIX_AXES")),
+}
+"""Part of a board -> what it is, and the declared outputs and sensor sets that need it."""
+
+
+def used_parts_h(built: Iterable[System]) -> str:
+    """used_parts.h: which parts of a board the systems of the image use."""
+    asked = {name for system in built for name in (system.output, system.sensors)}
+    lines = [
+        "#ifndef PLUMB_GENERATED_USED_PARTS_H",
+        "#define PLUMB_GENERATED_USED_PARTS_H",
+        "",
+        "/* What the systems of this image use of a board. The code of the rest is left out of it: conditions on these",
+        " * constants are decided when it is compiled. */",
+        *(f"#define USED_{part} {int(bool(asked & set(by)))} /* {what} */" for part, (what, by) in USED.items()),
+        "#define USED_ACTUATORS (USED_PULSES || USED_BRIDGE)",
+        "",
+    ]
+    return LINE_1 + "\n".join([*lines, "#endif", ""])
 
 
 def system_headers_h(built: Iterable[System]) -> str:
@@ -347,6 +372,7 @@ def generate(built: Sequence[str] = ()) -> dict[str, str]:
         "include/plumb/records.h": records_h(systems.values()),
         "include/plumb/systems.h": systems_h(chosen),
         "system_headers.h": system_headers_h(chosen),
+        "used_parts.h": used_parts_h(chosen),
         "systems.c": systems_c(chosen),
         "record_names.h": record_names_h(chosen),
         "systems.cmake": systems_cmake(systems.values(), chosen),

@@ -7,6 +7,7 @@
 #include "board_links.h"
 #include "board_sensors.h"
 #include "generated/messages.h"
+#include "generated/used_parts.h"
 #include "link/requests.h"
 #include "link/session.h"
 #include "systems/control.h"
@@ -81,15 +82,10 @@ static void actuate(void) {
     const control_system_t *const system = control_system(&params.control);
     const int32_t *const out = control_words(&control) + system->output_word;
 
-    switch (system->output) {
-    case CONTROL_OUTPUT_PULSES:
+    if (USED_PULSES && system->output == CONTROL_OUTPUT_PULSES) {
         board_set_actuator((const uint32_t *)out);
-        break;
-    case CONTROL_OUTPUT_BRIDGE:
+    } else if (USED_BRIDGE && system->output == CONTROL_OUTPUT_BRIDGE) {
         board_set_bridge(out[0]);
-        break;
-    default:
-        break;
     }
 }
 

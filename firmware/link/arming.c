@@ -1,11 +1,12 @@
 #include "arming.h"
+#include "generated/used_parts.h"
 
 void arming_init(arming_t *a, uint32_t random) {
     *a = (arming_t){.switch_closed = true /* until it was seen open */, .number = (uint16_t)(random >> 16)};
 }
 
 bool arming_armed(const arming_t *a) {
-    return a->armed.word == ARMING_ARMED;
+    return USED_ACTUATORS && a->armed.word == ARMING_ARMED;
 }
 
 bool arming_driving(const arming_t *a) {
@@ -24,7 +25,7 @@ static void arm(arming_t *a, bool by_switch, uint32_t hold_us, uint32_t now_us) 
 }
 
 bool arming_arm(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us) {
-    if (blocked != 0) {
+    if (!USED_ACTUATORS || blocked != 0) {
         return false;
     }
     arm(a, false, hold_us, now_us);
@@ -37,6 +38,9 @@ uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us) {
 }
 
 bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
+    if (!USED_ACTUATORS) {
+        return false;
+    }
     if (!closed && a->by_switch) {
         arming_disarm(a, ARMING_BLOCK_SWITCH);
     }
@@ -62,7 +66,7 @@ uint16_t arming_switch_owns(const arming_t *a) {
 }
 
 void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us) {
-    if (!a->switch_trying) {
+    if (!USED_ACTUATORS || !a->switch_trying) {
         return;
     }
     const unsigned matters = blocked & ~ARMING_BLOCKS_HOST;

@@ -13,7 +13,9 @@
  * The arm switch needs no host. Closing it arms the board, once it was seen open. It is also the dead man's
  * switch: no keep-alive is needed, and the board disarms as soon as the switch reads open. After arming by
  * either way the actuator stays at neutral for hold_us, so that speed controllers see their arming pulse;
- * then it is driven. */
+ * then it is driven.
+ *
+ * An image without a system that drives something never arms, and its arm switch does nothing. */
 #ifndef PLUMB_LINK_ARMING_H
 #define PLUMB_LINK_ARMING_H
 

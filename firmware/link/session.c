@@ -1,4 +1,5 @@
 #include "session.h"
+#include "generated/used_parts.h"
 #include <string.h>
 
 /* The ACK needs up to 3 ms on the UART after at most 93 ms of queued frames: the host receives it before the
@@ -43,12 +44,13 @@ bool session_bootloader_due(const session_t *s, uint32_t now_us) {
 
 /* Plausibility bounds of the system in use; NULL: nothing is checked. */
 static const plumb_plausibility_bounds_t *bounds_checked(const session_t *s) {
-    return s->run.mode == RUN_REALTIME ? control_system(&s->params->control)->plausibility : NULL;
+    return USED_ACTUATORS && s->run.mode == RUN_REALTIME ? control_system(&s->params->control)->plausibility
+                                                         : NULL;
 }
 
 /* True when the board started with the pin set of the actuator that the system drives. */
 static bool actuator_present(const session_t *s) {
-    if ((s->status.faults & BOARD_FAULT_STRAP) != 0) {
+    if (!USED_ACTUATORS || (s->status.faults & BOARD_FAULT_STRAP) != 0) {
         return false;
     }
     switch (control_system(&s->params->control)->output) {
@@ -126,6 +128,9 @@ void session_report_sensors(session_t *s, const board_health_t *health) {
 /* Closing the switch while no run is on starts a live run of the system in use. That run ends when it is
  * disarmed, so that the next closing begins with a fresh state. */
 void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
+    if (!USED_ACTUATORS) {
+        return;
+    }
     if (arming_switch(&s->arming, closed, now_us) && s->run.mode == RUN_IDLE) {
         session_begin_run(s, MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE,
                           (run_links_t){LINK_NONE, LINK_NONE, LINK_NONE});

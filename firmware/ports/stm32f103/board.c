@@ -10,6 +10,7 @@
 #include "core/digest.h"
 #include "entropy.h"
 #include "faults.h"
+#include "generated/used_parts.h"
 #include "guard.h"
 #include "i2c.h"
 #include "linker.h"
@@ -72,7 +73,7 @@ void board_init(const board_setup_t *setup) {
         start_faults |= BOARD_FAULT_STRAP;
     }
     pwm_init(driven);
-    if (driven == BOARD_PINS_BRIDGE) {
+    if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
         bridge_init(setup->dead_time_ns);
     }
     pins_init(identity.pins, agreed); /* last: the outputs become active when the timers are at neutral */
@@ -81,11 +82,13 @@ void board_init(const board_setup_t *setup) {
     check_image();
     uart_init();
     can_init();
-    if (driven == BOARD_PINS_BRIDGE) {
+    if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
         bridge_start();
     }
-    i2c_init();
-    spi_init();
+    if (USED_DIGITAL) {
+        i2c_init();
+        spi_init();
+    }
 }
 
 const board_identity_t *board_identity(void) {

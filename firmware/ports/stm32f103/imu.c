@@ -8,6 +8,7 @@
  * no tick. */
 #include "imu.h"
 #include "bridge.h"
+#include "generated/used_parts.h"
 #include "samples.h"
 #include "spi.h"
 
@@ -216,7 +217,7 @@ static bool line_was_idle(void) {
 }
 
 void imu_transferred(transfer_t result) {
-    if (phase != SET_UP && phase != SAMPLE) {
+    if (!USED_DIGITAL || (phase != SET_UP && phase != SAMPLE)) {
         return;
     }
     if (result == TRANSFER_DONE && line_was_idle()) {
@@ -252,7 +253,7 @@ void imu_transferred(transfer_t result) {
 
 void imu_period(uint32_t length_us) {
     period_us = length_us;
-    if (!all_up()) {
+    if (!USED_DIGITAL || !all_up()) {
         return;
     }
     if (phase != REST) {
@@ -281,6 +282,9 @@ static void start_one_of_the_lost(void) {
 }
 
 void imu_poll_ms(void) {
+    if (!USED_DIGITAL) {
+        return;
+    }
     switch (phase) {
     case RECOVER:
         if (i2c_recover()) {
@@ -306,6 +310,9 @@ void imu_poll_ms(void) {
 }
 
 void imu_use(const board_sensors_t *wanted) {
+    if (!USED_DIGITAL) {
+        return;
+    }
     phase = OFF;
     spi_end();
     i2c_abort();
@@ -320,6 +327,12 @@ void imu_use(const board_sensors_t *wanted) {
 }
 
 void imu_health(board_health_t *health) {
+    if (!USED_DIGITAL) {
+        health->gyro = BOARD_SENSOR_GOOD;
+        health->accel = BOARD_SENSOR_GOOD;
+        health->bus_failures = 0u;
+        return;
+    }
     health->gyro = phase == OFF ? BOARD_SENSOR_GOOD : sensors[GYRO].cause;
     health->accel = phase == OFF ? BOARD_SENSOR_GOOD : sensors[chip_count() - 1u].cause;
     health->bus_failures = failures;

@@ -3,6 +3,7 @@
 #include "pins.h"
 #include "app/board.h"
 #include "app/board_actuators.h"
+#include "generated/used_parts.h"
 #include "stm32f103.h"
 
 #define ARM_SWITCH 14u /* PC14, to ground */
@@ -39,7 +40,8 @@ static void stop_low_speed_oscillator(void) {
 #define OUTPUT PIN_OUTPUT_10MHZ
 #define SIGNAL PIN_ALTERNATE_10MHZ
 #define PULSE  PIN_ALTERNATE_2MHZ
-#define DRAIN  PIN_ALTERNATE_DRAIN
+#define DRAIN  (USED_DIGITAL ? PIN_ALTERNATE_DRAIN : FREE)
+#define SPI    (USED_DIGITAL ? SIGNAL : FREE)
 
 void pins_init(uint32_t pins, bool actuators) {
     stop_low_speed_oscillator();
@@ -47,7 +49,8 @@ void pins_init(uint32_t pins, bool actuators) {
     const bool uart =
         pins != BOARD_PINS_UNKNOWN; /* else its pins may drive the gates of a bridge or a speed controller */
     const uint32_t tx = uart ? SIGNAL : FREE, rx = uart ? INPUT : FREE;
-    const uint32_t gate = actuators ? SIGNAL : FREE, pulse = actuators ? PULSE : FREE;
+    const uint32_t gate = USED_BRIDGE && actuators ? SIGNAL : FREE;
+    const uint32_t pulse = USED_PULSES && actuators ? PULSE : FREE;
     /* MAPR is written as a whole, because SWJ_CFG reads back undefined. I2C1 is remapped away from PB6 and
      * PB7 even when unused: otherwise a remapped USART1 does not reach these pins. */
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD | AFIO_MAPR_I2C1_REMAP |
@@ -59,7 +62,7 @@ void pins_init(uint32_t pins, bool actuators) {
     GPIOB_BSRR = UP(3) | UP(4) | UP(5) | UP(7) | UP(10) | DOWN(12);
     GPIOC_BSRR = UP(ARM_SWITCH);
     /* SPI1 MOSI, MISO, SCK, select; ADC1 inputs 3 to 0. */
-    GPIOA_CRL = MODES(SIGNAL, INPUT, SIGNAL, OUTPUT, ANALOG, ANALOG, ANALOG, ANALOG);
+    GPIOA_CRL = MODES(SPI, INPUT, SPI, OUTPUT, ANALOG, ANALOG, ANALOG, ANALOG);
     if (bridge) {
         /* Hall A; SWD; CAN TX, RX; TIM1 high sides C, B, A. */
         GPIOA_CRH = MODES(INPUT, FREE, FREE, SIGNAL, INPUT, gate, gate, gate);

@@ -16,6 +16,7 @@
 #include "bridge.h"
 #include "clock.h"
 #include "core/esc.h"
+#include "generated/used_parts.h"
 #include "stall.h"
 #include "stm32f103.h"
 
@@ -33,6 +34,9 @@ static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
 
 /* Always leaves UDIS clear, even when it interrupted another write_pair(). */
 static void write_pair(uint32_t first, uint32_t second) {
+    if (!USED_PULSES) {
+        return;
+    }
     TIM4_CR1 = RUNNING | TIM4_CR1_UDIS;
     TIM4_CCR1 = first;
     TIM4_CCR2 = second;
@@ -57,6 +61,9 @@ static void end_frame(void) {
 }
 
 void pwm_init(uint32_t pins) {
+    if (!USED_PULSES) {
+        return;
+    }
     RCC_APB1ENR |= RCC_APB1ENR_TIM4EN;
     TIM4_PSC = clock_mhz() / 2u - 1u;
     TIM4_CCMR1 = TIM4_CCMR1_OC1M_PWM1 | TIM4_CCMR1_OC1PE | TIM4_CCMR1_OC2M_PWM1 | TIM4_CCMR1_OC2PE;
@@ -70,6 +77,9 @@ void pwm_init(uint32_t pins) {
 void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_halfus) {
     neutral_halfus = wanted_neutral_halfus;
     board_actuator_neutral(); /* first, because the pulses in use might not fit into a shorter frame */
+    if (!USED_PULSES) {
+        return;
+    }
     TIM4_ARR = bounded(frame_halfus, ESC_FRAME_MIN_HALFUS, ESC_FRAME_MAX_HALFUS) - 1u;
 }
 
@@ -100,7 +110,7 @@ void board_actuator_neutral(void) {
     /* Interrupts off: else SysTick could find the length that end_frame() is about to undo. SysTick comes
      * here, too, every millisecond while the loop stalls: the frame is ended once. */
     __asm volatile("mrs %0, primask \n cpsid i" : "=r"(masked)::"memory");
-    const bool drives = TIM4_CCR1 != pulse || TIM4_CCR2 != pulse;
+    const bool drives = USED_PULSES && (TIM4_CCR1 != pulse || TIM4_CCR2 != pulse);
     write_pair(pulse, pulse);
     if (drives) {
         end_frame();
@@ -116,7 +126,9 @@ void board_clear_actuator_faults(void) {
 }
 
 void pwm_crash(void) {
-    write_pair(CONSTANT_NEUTRAL_HALFUS, CONSTANT_NEUTRAL_HALFUS);
-    end_frame();
+    if (USED_PULSES) {
+        write_pair(CONSTANT_NEUTRAL_HALFUS, CONSTANT_NEUTRAL_HALFUS);
+        end_frame();
+    }
     bridge_off();
 }

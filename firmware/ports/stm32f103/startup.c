@@ -8,6 +8,7 @@
 #include "build_id.h"
 #include "bxcan.h"
 #include "faults.h"
+#include "generated/used_parts.h"
 #include "i2c.h"
 #include "imu.h"
 #include "linker.h"
@@ -46,8 +47,10 @@ static void adc_dma_handler(void) {
 
 /* The last byte was received. */
 static void spi_dma_handler(void) {
-    spi_end();
-    imu_transferred(TRANSFER_DONE);
+    if (USED_DIGITAL) {
+        spi_end();
+        imu_transferred(TRANSFER_DONE);
+    }
 }
 
 static void i2c_advanced(transfer_t result) {
@@ -57,15 +60,21 @@ static void i2c_advanced(transfer_t result) {
 }
 
 static void i2c_event_handler(void) {
-    i2c_advanced(i2c_on_event());
+    if (USED_DIGITAL) {
+        i2c_advanced(i2c_on_event());
+    }
 }
 
 static void i2c_error_handler(void) {
-    i2c_advanced(i2c_on_error());
+    if (USED_DIGITAL) {
+        i2c_advanced(i2c_on_error());
+    }
 }
 
 static void i2c_dma_handler(void) {
-    i2c_advanced(i2c_on_dma());
+    if (USED_DIGITAL) {
+        i2c_advanced(i2c_on_dma());
+    }
 }
 
 /* ---- vector table ---- */
