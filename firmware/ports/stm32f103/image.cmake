@@ -50,8 +50,8 @@ target_link_options(firmware PRIVATE -Os -fno-data-sections ${AS_ONE_PROGRAM} -f
     -Wl,--defsym=flash_budget=${IMAGE_FLASH_BYTES} -Wl,--defsym=ram_budget=${IMAGE_RAM_BYTES}
     -Wl,--gc-sections -Wl,-Map,${CMAKE_BINARY_DIR}/firmware.map -Wl,--fatal-warnings -Wl,--build-id=none)
 # What does not keep its promises, or its budget, does not become an image: without firmware.bin, and with an ELF file that
-# no tool takes for one, because its checksum is missing.
-add_custom_command(TARGET firmware POST_BUILD VERBATIM
+# no tool takes for one, because its checksum is missing. As firmware.bin is an output of the link, it is linked again then.
+add_custom_command(TARGET firmware POST_BUILD VERBATIM BYPRODUCTS ${CMAKE_BINARY_DIR}/firmware.bin ${CMAKE_BINARY_DIR}/firmware.hex
     COMMAND ${CMAKE_COMMAND} -E rm -f ${CMAKE_BINARY_DIR}/firmware.bin ${CMAKE_BINARY_DIR}/firmware.hex
     COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/check_elf.py $<TARGET_FILE:firmware>
     COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/size_table.py $<TARGET_FILE:firmware>
