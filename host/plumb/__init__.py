@@ -4,6 +4,7 @@
 
     estimate = plumb.Estimator("quad", period_s=0.01, gyr_range_dps=500, acc_range_g=4).run(gyr_radps, acc_mps2)
     result = plumb.run("quad", board="virtual", scenario="hold")
+    figures = plumb.runs("quad", runs=1000, scenario="hold").figures
     with plumb.connect("serial:/dev/ttyUSB0") as board:
         board.params["pid.kp"] = 0.05
 
@@ -16,6 +17,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from plumb import aio as aio
     from plumb.api import golden as golden
+    from plumb.api.campaigns import Runs as Runs
+    from plumb.api.campaigns import runs as runs
     from plumb.api.connection import Board as Board
     from plumb.api.connection import connect as connect
     from plumb.api.estimator import Estimate as Estimate
@@ -50,6 +53,7 @@ _PLACES = {
     "PlumbError": "plumb.errors",
     "Recording": "plumb.api.recordings",
     "RunResult": "plumb.api.runs",
+    "Runs": "plumb.api.campaigns",
     "Sample": "plumb.api.live",
     "UsageError": "plumb.errors",
     "aio": "plumb",
@@ -57,12 +61,14 @@ _PLACES = {
     "golden": "plumb.api",
     "load": "plumb.api.loading",
     "run": "plumb.api.runs",
+    "runs": "plumb.api.campaigns",
 }
 """Public name -> the module that has it."""
 
 __all__ = [
     "Board", "Estimate", "Estimator", "Gap", "Health", "LinkError", "LoggedRun", "ParameterDescription", "Parameters",
-    "PlumbError", "Recording", "RunResult", "Sample", "UsageError", "aio", "connect", "golden", "load", "run",
+    "PlumbError", "Recording", "RunResult", "Runs", "Sample", "UsageError", "aio", "connect", "golden", "load", "run",
+    "runs",
 ]  # fmt: skip
 
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "demo": "close the loop on the virtual board, then check the golden vectors; writes a report",
     "run": "run one system's scenario on a board and compare every step with the model",
+    "campaign": "run thousands of runs of a study on all cores or a cluster: figures with intervals",
     "golden": "make the golden vectors, or check boards against them",
     "replay": "run a log, or a recording of real sensors, through a board, and compare every step with the model",
     "compare": "tilt errors of VQF, Madgwick, Mahony and plumb's systems on recordings with a reference",

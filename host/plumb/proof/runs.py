@@ -183,6 +183,14 @@ def _across_changes(board: Board, inputs: RunInputs, params: ControlParams, chan
 def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
     """Run in closed loop: the controller on the board, the plant on the host; the outputs of a step drive the plant
     until the next sample."""
+    inputs, answer = closed_loop_inputs(board, scenario, params)
+    return judge(board, inputs, params, answer)
+
+
+def closed_loop_inputs(
+    board: Board, scenario: Scenario, params: ControlParams, *, progress: bool = True
+) -> tuple[RunInputs, Answer]:
+    """What the plant gave in a closed loop, and what the board answered. progress: shown on a terminal."""
     from tqdm import tqdm
 
     plant, stepper = systems.load(params.system).plant(scenario), board.stepper(params)
@@ -191,7 +199,8 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
     truth: list[dict[str, float]] = []
     digests = np.zeros(scenario.steps, np.uint32)
     outputs: dict[str, int] = {}
-    for step in tqdm(range(scenario.steps), desc=f"closed loop on {board.name}", unit="step", disable=None):
+    hidden = None if progress else True
+    for step in tqdm(range(scenario.steps), desc=f"closed loop on {board.name}", unit="step", disable=hidden):
         time_s = step * scenario.period_us * 1e-6
         plant.follow(time_s, outputs)
         counts = plant.counts(time_s)
@@ -199,8 +208,7 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
         truth.append(plant.truth(time_s))
         output = stepper.step(counts, int(setpoint[step]))
         digests[step], outputs = output.digest, output.outputs
-    inputs = RunInputs(scenario.time_s, columns(truth), raw, setpoint, scenario.scored)
-    return judge(board, inputs, params, Answer(digests))
+    return RunInputs(scenario.time_s, columns(truth), raw, setpoint, scenario.scored), Answer(digests)
 
 
 def columns(rows: Sequence[dict[str, float]]) -> dict[str, FloatArray]:

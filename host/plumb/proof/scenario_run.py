@@ -97,6 +97,47 @@ def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
 
     Raises UsageError for a name that the system does not have or a board that cannot do it, LinkError.
     """
+    drawn = draw(request)
+    scenario, params, closes = drawn.scenario, drawn.params, drawn.closes
+    if request.live and request.board != "virtual":
+        raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
+    if request.live:
+        systems.load(request.system, PINS)
+    if opened is None:
+        with open_board(request.board, link=request.link, image=request.image) as board:
+            result = _run(board, request, scenario, params, closes)
+    else:
+        result = _run(opened, request, scenario, params, closes)
+    heading: dict[str, Any] = {
+        "system": request.system,
+        "scenario": drawn.name,
+        "tuning": drawn.tuning,
+        "loop": "closed" if closes else "open",
+        "board": request.board,
+        **({"live": True} if request.live else {}),
+        **({"changes": list(request.changes)} if request.changes else {}),
+        "link": request.link if request.board == "virtual" else None,
+        "seed": request.seed,
+        **({"faults": list(request.faults)} if request.faults else {}),
+        **({"conditions": drawn.conditions} if drawn.conditions else {}),
+    }
+    return ScenarioRun(result, heading)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The run of a request, drawn from its seed. name: of the scenario. closes: the outputs move the plant."""
+
+    name: str
+    tuning: str
+    scenario: Scenario
+    params: ControlParams
+    conditions: dict[str, float]
+    closes: bool
+
+
+def draw(request: RunRequest) -> Drawn:
+    """Draw the run of a request; raises UsageError for a name that the system does not have."""
     check(request)
     system = systems.load(request.system)
     name = request.scenario or system.DEFAULT_SCENARIO
@@ -109,30 +150,7 @@ def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
         name, request.seed, seconds=request.seconds, period_us=settings.period_us, faults=faults, **conditions
     )
     params = quantise(fitted(scenario, settings))
-    closes = bool(system.OUTPUTS) and not request.open_loop
-    if request.live and request.board != "virtual":
-        raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
-    if request.live:
-        systems.load(request.system, PINS)
-    if opened is None:
-        with open_board(request.board, link=request.link, image=request.image) as board:
-            result = _run(board, request, scenario, params, closes)
-    else:
-        result = _run(opened, request, scenario, params, closes)
-    heading: dict[str, Any] = {
-        "system": request.system,
-        "scenario": name,
-        "tuning": tuning,
-        "loop": "closed" if closes else "open",
-        "board": request.board,
-        **({"live": True} if request.live else {}),
-        **({"changes": list(request.changes)} if request.changes else {}),
-        "link": request.link if request.board == "virtual" else None,
-        "seed": request.seed,
-        **({"faults": list(request.faults)} if request.faults else {}),
-        **({"conditions": conditions} if conditions else {}),
-    }
-    return ScenarioRun(result, heading)
+    return Drawn(name, tuning, scenario, params, conditions, bool(system.OUTPUTS) and not request.open_loop)
 
 
 def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlParams, closes: bool) -> Run:

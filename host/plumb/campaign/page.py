@@ -1,0 +1,100 @@
+"""report.html of a campaign: figures with intervals, distributions, worst seeds, what moves a figure, failed runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from plumb.campaign.against import Difference
+from plumb.campaign.results import Results
+from plumb.campaign.statistics import Effect, Figure, worst
+from plumb.campaign.study import Study
+from plumb.proof.report import ESTIMATE, Plot, Statement, Table, page
+from plumb.proof.run_identity import rows
+from plumb.proof.xy_plot import Axis, Curve, XyPlot
+from plumb.spec.arrays import FloatArray
+
+BARS = 40
+FAILED_SHOWN = 20
+EFFECTS_SHOWN = 12
+
+
+def text(
+    study: Study,
+    results: Results,
+    figures: Mapping[str, Figure],
+    effects: Sequence[Effect],
+    differences: Sequence[Difference],
+    identity: Mapping[str, object],
+) -> str:
+    """The page."""
+    done = len(results) - len(results.failed)
+    statements = [Statement("runs", f"{done} of {len(results)} were run to their end", done == len(results))]
+    statements += [Statement("against the other campaign", str(one), None) for one in differences]
+    parts: list[Plot | XyPlot | Table] = [figure_table(figures)]
+    parts += [distribution(name, results.metrics[name]) for name in figures if _spread(results.metrics[name])]
+    parts += [effect_table(effects)] if effects else []
+    parts += [worst_table(study, results, name) for name in list(figures)[:2]]
+    parts += [failed_table(study, results)] if results.failed else []
+    parts.append(Table("Identity", ["", ""], [(name, value) for name, value in rows(identity)]))
+    lead = (
+        f"{len(results)} runs from seed {study.first_seed} on. An interval is the 95 % interval of the mean over all "
+        "seeds (bootstrap); single runs spread wider, as the quantiles show."
+    )
+    return page(f"Campaign of {study.system}", "", lead, parts, statements)
+
+
+def figure_table(figures: Mapping[str, Figure]) -> Table:
+    head = ["figure", "mean", "95 % interval", "sd", "5 %", "median", "95 %", "largest", "runs"]
+    lines = [
+        [
+            name, f"{one.mean:.4g}", f"{one.low:.4g} to {one.high:.4g}", f"{one.sd:.3g}", f"{one.p05:.4g}",
+            f"{one.median:.4g}", f"{one.p95:.4g}", f"{one.max:.4g}", str(one.runs),
+        ]
+        for name, one in figures.items()
+    ]  # fmt: skip
+    return Table("Figures", head, lines)
+
+
+def _spread(values: FloatArray) -> bool:
+    known = values[np.isfinite(values)]
+    return len(known) > 1 and float(known.min()) < float(known.max())
+
+
+def distribution(name: str, values: FloatArray) -> XyPlot:
+    """Share of the runs over the value, as a staircase."""
+    known = values[np.isfinite(values)]
+    counts, edges = np.histogram(known, BARS)
+    x = np.repeat(edges, 2)
+    y = np.concatenate([[0.0], np.repeat(100.0 * counts / len(known), 2), [0.0]])
+    unit = name.rsplit("_", 1)[-1]
+    return XyPlot(
+        f"Distribution of {name}", Axis(f"{name} ({unit})"), Axis("runs (%)"), [Curve("runs", x, y, ESTIMATE)]
+    )
+
+
+def effect_table(effects: Sequence[Effect]) -> Table:
+    lines = [
+        [
+            one.factor, one.metric, f"{100.0 * one.share:.0f} %",
+            "; ".join(f"{name}: {mean:.4g}" for name, mean, _ in one.levels),
+        ]
+        for one in effects[:EFFECTS_SHOWN]
+    ]  # fmt: skip
+    note = "Share of the variance between the runs that the levels of the factor explain, less what chance explains."
+    return Table("What moves a figure", ["factor", "figure", "share", "mean at each level"], lines, note)
+
+
+def worst_table(study: Study, results: Results, metric: str) -> Table:
+    lines = [[f"{value:.4g}", str(seed), study.command(index)] for index, seed, value in worst(results, metric)]
+    return Table(f"Largest {metric}", [metric, "seed", "repeats it"], lines)
+
+
+def failed_table(study: Study, results: Results) -> Table:
+    lines = [
+        [str(results.seed[place]), str(results.error[place]), study.command(int(results.index[place]))]
+        for place in results.failed[:FAILED_SHOWN]
+    ]
+    note = f"{len(results.failed)} in all." if len(results.failed) > FAILED_SHOWN else ""
+    return Table("Runs that failed", ["seed", "reason", "repeats it"], lines, note)

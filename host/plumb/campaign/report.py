@@ -1,0 +1,97 @@
+"""What a campaign says when it is done: the JSON of `plumb campaign`, and the files of its folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from plumb.campaign import against, page, results, statistics
+from plumb.campaign.against import Difference
+from plumb.campaign.results import Results
+from plumb.campaign.statistics import Effect, Figure
+from plumb.campaign.study import Study
+from plumb.errors import UsageError
+from plumb.proof import run_identity
+
+
+@dataclass(frozen=True)
+class Report:
+    """part: what ran the batches, by name."""
+
+    study: Study
+    results: Results
+    figures: Mapping[str, Figure]
+    effects: Sequence[Effect]
+    differences: Sequence[Difference]
+    identity: dict[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `plumb campaign --json` prints."""
+        failed = [
+            {
+                "seed": int(self.results.seed[place]),
+                "reason": self.results.error[place],
+                "command": self.study.command(int(self.results.index[place])),
+            }
+            for place in self.results.failed
+        ]
+        return {
+            "system": self.study.system,
+            "runs": len(self.results),
+            "metrics": statistics.to_json(self.figures),
+            "worst": {name: self.study.command(one.worst_index) for name, one in self.figures.items()},
+            "failed": failed,
+            "effects": [
+                {"factor": one.factor, "metric": one.metric, "share": one.share, "levels": one.levels}
+                for one in self.effects
+            ],
+            **({"against": [one.to_json() for one in self.differences]} if self.differences else {}),
+        }
+
+    def text(self) -> str:
+        """The same for a person."""
+        lines = [f"{len(self.results)} runs of {self.study.system} from seed {self.study.first_seed} on"]
+        width = max((len(name) for name in self.figures), default=0)
+        for name, one in self.figures.items():
+            lines.append(
+                f"  {name:<{width}}  {one.mean:.4g} ({one.low:.4g} to {one.high:.4g})  "
+                f"5 % {one.p05:.4g}, 95 % {one.p95:.4g}, largest {one.max:.4g}"
+            )
+        first = next(iter(self.figures.items()), None)
+        if first is not None:
+            lines.append(f"largest {first[0]}: {self.study.command(first[1].worst_index)}")
+        for most in self.effects[:5]:
+            lines.append(f"{most.factor} explains {100.0 * most.share:.0f} % of the variance of {most.metric}")
+        lines += [f"against: {one}" for one in self.differences]
+        for place in self.results.failed[:5]:
+            command = self.study.command(int(self.results.index[place]))
+            lines.append(f"failed: {self.results.error[place]} ({command})")
+        if len(self.results.failed) > 5:
+            lines.append(f"failed: {len(self.results.failed)} in all")
+        return "\n".join(lines)
+
+    def files(self) -> dict[str, str | bytes]:
+        """Name -> content of the files of a folder."""
+        about = {"identity": self.identity, "study": self.study.to_json(), "study_sha256": self.study.sha256()}
+        summary = {**self.to_json(), **about}
+        html = page.text(self.study, self.results, self.figures, self.effects, self.differences, self.identity)
+        try:
+            table: dict[str, str | bytes] = {"runs.parquet": results.parquet_bytes(self.results, about)}
+        except UsageError:
+            table = {"runs.csv": results.csv_text(self.results)}
+        return {**table, "summary.json": json.dumps(summary, indent=2) + "\n", "report.html": html}
+
+
+def of(study: Study, found: Results, part: Mapping[str, object], command: str, other: Results | None = None) -> Report:
+    """The report of a campaign. part: what ran it. other: the campaign that it is compared with."""
+    figures = statistics.figures(found)
+    return Report(
+        study,
+        found,
+        figures,
+        statistics.effects(found, list(figures)),
+        against.compare(found, other) if other is not None else [],
+        {**run_identity.identity({"board": "native", **part}, None, command), "study_sha256": study.sha256()},
+    )

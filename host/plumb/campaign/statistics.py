@@ -1,0 +1,158 @@
+"""Figures of a campaign: means with intervals, quantiles, the worst seeds, and which factor moves a figure.
+
+An interval is that of the mean: it has the true mean of all seeds in 95 % of campaigns (bootstrap, percentiles).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from plumb.campaign.results import Results
+from plumb.spec.arrays import FloatArray
+
+RESAMPLES = 2000
+BLOCKS = 10_000
+"""Runs that a resampling draws from; of more, means of equal stretches."""
+LOW, HIGH = 2.5, 97.5
+BINS = 8
+"""Equal parts of a range, whose means show what the factor does."""
+WORST = 10
+
+
+@dataclass(frozen=True)
+class Figure:
+    """runs: those that have the figure. low, high: the 95 % interval of the mean. worst_index: of the run with the
+    largest value."""
+
+    mean: float
+    low: float
+    high: float
+    runs: int
+    sd: float
+    min: float
+    p05: float
+    median: float
+    p95: float
+    max: float
+    worst_index: int
+
+    def to_json(self) -> dict[str, float | int]:
+        return asdict(self)
+
+
+def interval(values: FloatArray) -> tuple[float, float]:
+    """The 95 % interval of the mean, by resampling with a generator of its own: the same values, the same interval."""
+    blocks = values
+    if len(values) > BLOCKS:
+        whole = len(values) // BLOCKS * BLOCKS
+        blocks = values[:whole].reshape(BLOCKS, -1).mean(axis=1)
+    rng = np.random.default_rng(len(values))
+    means = np.empty(RESAMPLES)
+    for at in range(RESAMPLES):
+        means[at] = blocks[rng.integers(0, len(blocks), len(blocks))].mean()
+    low, high = np.percentile(means, [LOW, HIGH])
+    return float(low), float(high)
+
+
+def figure(values: FloatArray, index: np.ndarray[Any, np.dtype[np.int64]]) -> Figure | None:
+    """The figure of a metric, values (runs,) with NaN where a run has none; None where no run has one."""
+    known = np.isfinite(values)
+    if not known.any():
+        return None
+    kept = values[known]
+    low, high = interval(kept)
+    p05, median, p95 = (float(one) for one in np.percentile(kept, [5, 50, 95]))
+    worst = int(index[known][np.argmax(kept)])
+    spread = float(np.std(kept, ddof=1)) if len(kept) > 1 else 0.0
+    return Figure(
+        float(np.mean(kept)),
+        low,
+        high,
+        len(kept),
+        spread,
+        float(kept.min()),
+        p05,
+        median,
+        p95,
+        float(kept.max()),
+        worst,
+    )
+
+
+def figures(results: Results) -> dict[str, Figure]:
+    """Every metric that at least one run has, by name."""
+    found = {name: figure(values, results.index) for name, values in results.metrics.items()}
+    return {name: one for name, one in found.items() if one is not None}
+
+
+def worst(results: Results, metric: str) -> list[tuple[int, int, float]]:
+    """Index, seed and value of the runs with the largest values of a metric."""
+    values = results.metrics[metric]
+    order = np.argsort(np.where(np.isfinite(values), -values, np.inf), kind="stable")[:WORST]
+    return [
+        (int(results.index[place]), int(results.seed[place]), float(values[place]))
+        for place in order
+        if np.isfinite(values[place])
+    ]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What a factor does to a metric. share: of the metric's variance that the levels explain, 0 to 1 (the correlation
+    ratio, corrected for what chance explains). levels: name, mean of the metric and number of runs."""
+
+    factor: str
+    metric: str
+    share: float
+    levels: tuple[tuple[str, float, int], ...]
+
+
+def effect(factor: str, metric: str, settings: Sequence[Any], values: FloatArray) -> Effect | None:
+    """None where the factor has one level only."""
+    level_of, names = _levels(settings)
+    known = np.isfinite(values)
+    kept, of = values[known], level_of[known]
+    groups = [(names[level], kept[of == level]) for level in range(len(names)) if (of == level).any()]
+    total = float(np.sum((kept - kept.mean()) ** 2)) if len(kept) else 0.0
+    if len(groups) < 2 or len(kept) <= len(groups) or total == 0.0:
+        return None
+    within = sum(float(np.sum((group - group.mean()) ** 2)) for _, group in groups)
+    share = 1.0 - (within / (len(kept) - len(groups))) / (total / (len(kept) - 1))
+    levels = tuple((name, float(group.mean()), len(group)) for name, group in groups)
+    return Effect(factor, metric, max(0.0, share), levels)
+
+
+def _levels(settings: Sequence[Any]) -> tuple[np.ndarray[Any, np.dtype[np.int64]], list[str]]:
+    """Level of every run, and the levels' names: values, or equal parts of many numbers."""
+    if all(isinstance(one, int | float) for one in settings) and len(set(settings)) > BINS:
+        numbers = np.array(settings, np.float64)
+        edges = np.quantile(numbers, np.linspace(0.0, 1.0, BINS + 1))
+        level = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, BINS - 1)
+        return level.astype(np.int64), [f"{a:.3g} to {b:.3g}" for a, b in itertools.pairwise(edges)]
+    texts = [
+        f"{one:g}" if isinstance(one, float) else ", ".join(one) or "none" if isinstance(one, list) else str(one)
+        for one in settings
+    ]
+    names = list(dict.fromkeys(texts))
+    places = {name: place for place, name in enumerate(names)}
+    return np.array([places[text] for text in texts], np.int64), names
+
+
+def effects(results: Results, metrics: Sequence[str]) -> list[Effect]:
+    """Every factor on every metric, the largest share first."""
+    found = [
+        one
+        for metric in metrics
+        for factor, settings in results.values.items()
+        if (one := effect(factor, metric, settings, results.metrics[metric])) is not None
+    ]
+    return sorted(found, key=lambda one: -one.share)
+
+
+def to_json(found: Mapping[str, Figure]) -> dict[str, dict[str, float | int]]:
+    return {name: one.to_json() for name, one in found.items()}

@@ -1,0 +1,253 @@
+"""A study: which runs a campaign makes. Declared in a TOML file, or by the name of a system and options.
+
+    system = "quad"
+    runs = 4000                     # in all
+    first_seed = 1000
+    seconds = 60
+    open_loop = true
+    draw = "latin-hypercube"        # or "grid", "random"
+    [conditions]
+    bandwidth_hz = 50
+    [vary]
+    scenario = ["motion", "quiet"]
+    "condition.delay_ms" = { low = 0, high = 10 }
+    "tuning.trust.r_deg2" = { low = 0.05, high = 5, log = true }
+
+On a grid, run i has point i modulo the number of points, and the seed first_seed + i // points: every point sees the
+same seeds. Otherwise run i has the seed first_seed + i.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import shlex
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from plumb import systems
+from plumb.campaign.factors import DRAWS, GRID, Factor, Value, factor_of, points_of, values_of
+from plumb.errors import UsageError
+from plumb.files.input_files import check_regular
+from plumb.near_names import did_you_mean
+from plumb.proof import scenario_run
+from plumb.proof.scenario_run import RunRequest
+from plumb.spec.tuning import AnyTuning
+
+RUNS, RUNS_MOST = 400, 10_000_000
+CHOSEN = ("scenario", "tuning", "start", "faults")
+"""Factors whose choices are names; others are `condition.NAME` and `tuning.PATH`."""
+CONDITION, SETTING = "condition.", "tuning."
+
+
+@dataclass(frozen=True)
+class Study:
+    """runs: in all. reference: every run is compared with the float64 reference, too. confirm: a board that runs every
+    step once more; None: none does."""
+
+    system: str
+    runs: int = RUNS
+    first_seed: int = 1000
+    seconds: float | None = None
+    open_loop: bool = False
+    scenario: str | None = None
+    tuning: str | None = None
+    start: str | None = None
+    faults: tuple[str, ...] = ()
+    conditions: Mapping[str, float] = field(default_factory=dict)
+    draw: str = GRID
+    draw_seed: int = 1
+    vary: tuple[Factor, ...] = ()
+    reference: bool = False
+    confirm: str | None = None
+    path: str | None = None
+    """The file that it was read from."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything that decides what the runs are."""
+        plain = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        del plain["path"]
+        vary = {factor.name: factor.to_json() for factor in self.vary}
+        return {**plain, "faults": list(self.faults), "conditions": dict(self.conditions), "vary": vary}
+
+    def sha256(self) -> str:
+        return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
+
+    def seed(self, index: int) -> int:
+        return self.first_seed + (index // points_of(self.vary) if self.draw == GRID else index)
+
+    def values(self, index: int) -> dict[str, Value]:
+        """What is varied, in run `index`."""
+        return values_of(self.vary, self.draw, self.draw_seed, self.runs, index)
+
+    def request(self, index: int) -> RunRequest:
+        """Run `index`, as `plumb run` would be asked for it."""
+        values = self.values(index)
+        conditions = dict(self.conditions)
+        settings: dict[str, float] = {}
+        chosen: dict[str, Any] = {"scenario": self.scenario, "tuning": self.tuning, "start": self.start}
+        faults: list[str] = list(self.faults)
+        for name, value in values.items():
+            if name == "faults":
+                faults = [*faults, *((value,) if isinstance(value, str) else _texts(value))]
+            elif name.startswith(CONDITION):
+                conditions[name.removeprefix(CONDITION)] = _number(name, value)
+            elif name.startswith(SETTING):
+                settings[name.removeprefix(SETTING)] = _number(name, value)
+            else:
+                chosen[name] = value
+        if settings:
+            chosen["tuning"] = tuning_with(self.system, chosen["scenario"], chosen["tuning"], settings)
+        return RunRequest(
+            system=self.system,
+            board="native",
+            **chosen,
+            seed=self.seed(index),
+            seconds=self.seconds,
+            faults=faults,
+            conditions=[f"{name}={number!r}" for name, number in conditions.items()],
+            open_loop=self.open_loop,
+        )
+
+    def command(self, index: int) -> str:
+        """The command line that repeats run `index`."""
+        if any(factor.name.startswith(SETTING) for factor in self.vary):
+            return shlex.join(["plumb", "campaign", self.path or "STUDY.toml", "--only", str(index)])
+        asked = self.request(index)
+        words = ["plumb", "run", asked.system, "--board", "native", "--seed", str(asked.seed)]
+        for option, value in (("--scenario", asked.scenario), ("--tuning", asked.tuning), ("--start", asked.start)):
+            words += [option, str(value)] if value else []
+        words += ["--seconds", f"{asked.seconds:g}"] if asked.seconds is not None else []
+        words += [word for text in asked.conditions for word in ("--condition", text)]
+        words += [word for text in asked.faults for word in ("--fault", text)]
+        return shlex.join([*words, *(["--open-loop"] if asked.open_loop else [])])
+
+
+def _texts(value: Value) -> tuple[str, ...]:
+    if not isinstance(value, tuple):
+        raise UsageError(f"vary.faults has the choice {value!r}: give lists of faults as texts")
+    return value
+
+
+def _number(name: str, value: Value) -> float:
+    if not isinstance(value, float):
+        raise UsageError(f"vary.{name} has the choice {value!r}: give numbers")
+    return value
+
+
+def tuning_with(system: str, scenario: str | None, tuning: str | None, settings: Mapping[str, float]) -> AnyTuning:
+    """A tuning of a system with other numbers at these paths, for example trust.r_deg2. Raises UsageError for a path
+    that it does not have."""
+    from plumb.systems.contracts import tuning_for
+
+    known = systems.load(system)
+    name = tuning or tuning_for(known, scenario or known.DEFAULT_SCENARIO)
+    _, found = scenario_run.tuning_of(system, name)
+    for path, value in settings.items():
+        found = _replaced(found, path.split("."), value, f"tuning '{name}' of {system}")
+    return found
+
+
+def _replaced(settings: Any, path: list[str], value: float, of: str) -> Any:  # Any: tunings are dataclasses of any kind
+    names = [one.name for one in dataclasses.fields(settings)] if dataclasses.is_dataclass(settings) else []
+    if path[0] not in names:
+        has = ", ".join(names) or "no part"
+        raise UsageError(f"the {of} has no setting '{path[0]}'; it has {has}")
+    now = getattr(settings, path[0])
+    if len(path) > 1:
+        return dataclasses.replace(settings, **{path[0]: _replaced(now, path[1:], value, f"{path[0]} of the {of}")})
+    if not isinstance(now, int | float) or isinstance(now, bool):
+        raise UsageError(f"{path[0]} of the {of} is no number")
+    return dataclasses.replace(settings, **{path[0]: type(now)(value)})
+
+
+KEYS: dict[str, type] = {
+    "system": str, "runs": int, "first_seed": int, "seconds": float, "open_loop": bool, "scenario": str, "tuning": str,
+    "start": str, "faults": list, "conditions": dict, "draw": str, "draw_seed": int, "vary": dict, "reference": bool,
+    "confirm": str,
+}  # fmt: skip
+"""Entries of a study and their kinds."""
+KINDS: dict[type, str] = {
+    str: "a text", int: "a whole number", float: "a number", bool: "true or false", list: "a list", dict: "a table",
+}  # fmt: skip
+
+
+def read(path: Path) -> Study:
+    """The study of a TOML file; raises UsageError for a file that is not one."""
+    check_regular(path, "give a study as a TOML file, or the name of a system")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise UsageError(f"{path} is no study: {error}") from None
+    return from_table(table, str(path))
+
+
+def from_table(table: Mapping[str, Any], path: str | None = None) -> Study:
+    """A study from its entries; checks what can be wrong before the first run. Raises UsageError."""
+    try:
+        study = _built(table, path)
+        check(study)
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}" if path else str(error)) from None
+    return study
+
+
+def _built(table: Mapping[str, Any], path: str | None) -> Study:
+    for name, value in table.items():
+        if name not in KEYS:
+            near = did_you_mean(name, list(KEYS))
+            raise UsageError(f"a study has no entry '{name}'{near}; it has {', '.join(KEYS)}")
+        kind = KEYS[name]
+        wanted = (int, float) if kind is float else kind
+        if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
+            raise UsageError(f"{name} = {value!r}: it is {KINDS[kind]}")
+    if "system" not in table:
+        raise UsageError('a study names its system: system = "quad"')
+    given = dict(table)
+    given["vary"] = tuple(factor_of(name, value) for name, value in _flat(given.get("vary", {})).items())
+    given["faults"] = tuple(given.get("faults", ()))
+    given["conditions"] = {name: _real(name, value) for name, value in given.get("conditions", {}).items()}
+    return Study(**given, path=path)
+
+
+def _real(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UsageError(f"conditions.{name} = {value!r}: it is a number")
+    return float(value)
+
+
+def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Tables in tables as names with dots; a range is a table, too."""
+    found: dict[str, Any] = {}
+    for name, value in table.items():
+        inner = isinstance(value, Mapping) and not {"low", "high"} & set(value)
+        found |= _flat(value, f"{before}{name}.") if inner else {before + name: value}
+    return found
+
+
+def check(study: Study) -> None:
+    """Raises UsageError for what is wrong in a study, whatever its seeds."""
+    systems.load(study.system)
+    if not 1 <= study.runs <= RUNS_MOST:
+        raise UsageError(f"runs = {study.runs}: a campaign has 1 to {RUNS_MOST} runs")
+    if study.first_seed < 0 or study.draw_seed < 0:
+        raise UsageError("a seed is 0 or more")
+    if study.draw not in DRAWS:
+        raise UsageError(f"draw = '{study.draw}'; there are {', '.join(DRAWS)}")
+    if study.seconds is not None and not 1.0 <= study.seconds <= 3600.0:
+        raise UsageError(f"seconds = {study.seconds:g}: a run takes 1 to 3600 s")
+    for factor in study.vary:
+        if factor.name not in CHOSEN and not factor.name.startswith((CONDITION, SETTING)):
+            known = ", ".join((*CHOSEN, f"{CONDITION}NAME", f"{SETTING}PATH"))
+            raise UsageError(f"'{factor.name}' cannot be varied; {known} can")
+        if factor.name in ("scenario", "tuning", "start") and not all(isinstance(one, str) for one in factor.choices):
+            raise UsageError(f"vary.{factor.name}: give a list of names")
+        if factor.name in CHOSEN and not factor.choices:
+            raise UsageError(f"vary.{factor.name}: give a list of choices")
+    points = points_of(study.vary) if study.draw == GRID else 1
+    for index in range(min(study.runs, max(points, 1), 1000)):
+        scenario_run.check(study.request(index))

@@ -1,0 +1,139 @@
+"""Run thousands of runs of a study on all cores or on a cluster, and print figures with intervals.
+
+    plumb campaign quad --runs 10000 --seconds 60                     seeds 1000 to 10999 on all cores
+    plumb campaign balancer --runs 400 --open-loop --out out/balancer the runs, a page and a summary in a folder
+    plumb campaign STUDY.toml --out out/study                         a declared study: what varies, and how it is drawn
+    plumb campaign STUDY.toml --out out/study --resume                go on where it was killed
+    plumb campaign quad --tuning quiet --runs 400 --against out/quad  paired by seed: is the difference real?
+    plumb campaign STUDY.toml --scheduler tcp://localhost:8786        on the workers of a Dask cluster
+
+Each run gives the digests of `plumb run --board native` with its seed, in batches that leave out the integer model. The
+interval of a figure is the 95 % interval of the mean over all seeds (bootstrap). With --out every batch is kept as soon
+as it is done. Exit code 1 when a run failed, or another board differed (--confirm).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from plumb.cli import options
+
+if TYPE_CHECKING:
+    from plumb.campaign.study import Study
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", metavar="SYSTEM|STUDY.toml", help="a system, or a file that declares a study")
+    parser.add_argument("--runs", type=int, metavar="N", help="runs in all (default: the study's, else 400)")
+    options.add_seconds(parser, "length of a run (default: the study's, else the scenario's own)")
+    parser.add_argument("--first-seed", type=int, metavar="N", help="seed of the first run (default 1000)")
+    options.add_scenario(parser)
+    options.add_tuning(parser)
+    parser.add_argument(
+        "--condition", action="append", default=[], metavar="NAME=NUMBER", help="condition of every run; repeatable"
+    )
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="KIND[:WHAT]@START[-STOP]",
+        help="fault of every run; repeatable",
+    )
+    options.add_open_loop(parser)
+    parser.add_argument("--reference", action="store_true", help="compare every run with the float64 reference, too")
+    parser.add_argument("--confirm", metavar="B", help="run every step on a further board and compare: virtual, qemu")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="tcp://HOST:PORT of a Dask scheduler, instead of cores")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="keep every batch, and write runs, summary and page")
+    parser.add_argument("--resume", action="store_true", help="go on with the campaign in DIR")
+    parser.add_argument("--against", type=Path, metavar="DIR", help="compare with the campaign in DIR, paired by seed")
+    parser.add_argument("--only", type=int, metavar="I", help="run number I alone, from 0, and print its figures")
+    options.add_json(parser)
+
+
+def _study(arguments: argparse.Namespace) -> Study:
+    from plumb.campaign import study
+    from plumb.errors import UsageError
+
+    given = str(arguments.study)
+    path = Path(given)
+    declared = path.suffix == ".toml"
+    table: dict[str, Any] = study.read(path).to_json() if declared else {"system": given}
+    asked = {
+        "runs": arguments.runs, "seconds": arguments.seconds, "first_seed": arguments.first_seed,
+        "scenario": arguments.scenario, "tuning": arguments.tuning, "confirm": arguments.confirm,
+    }  # fmt: skip
+    table = {name: value for name, value in {**table, **_given(asked)}.items() if value is not None}
+    if arguments.condition:
+        conditions = dict(table.get("conditions", {}))
+        for text in arguments.condition:
+            name, _, number = text.partition("=")
+            try:
+                conditions[name] = float(number)
+            except ValueError:
+                raise UsageError(f"'{text}' sets nothing; write {name}=NUMBER") from None
+        table["conditions"] = conditions
+    if arguments.fault:
+        table["faults"] = [*table.get("faults", []), *arguments.fault]
+    table["open_loop"] = arguments.open_loop or table.get("open_loop", False)
+    table["reference"] = arguments.reference or table.get("reference", False)
+    return study.from_table(table, given if declared else None)
+
+
+def _given(values: dict[str, object]) -> dict[str, object]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """What is wrong in the study. Raises UsageError."""
+    from plumb.errors import UsageError
+
+    study = _study(arguments)
+    if arguments.workers is not None and arguments.workers < 1:
+        raise UsageError(f"--workers {arguments.workers}: at least one")
+    if arguments.only is not None and not 0 <= arguments.only < study.runs:
+        raise UsageError(f"--only {arguments.only}: the study has runs 0 to {study.runs - 1}")
+    if arguments.resume and arguments.out is None:
+        raise UsageError("--resume goes on with a folder: name it with --out")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from plumb.campaign import campaign, folder, report
+    from plumb.campaign.batch import identity, run_batch
+    from plumb.campaign.results import Results
+    from plumb.errors import ExitCode
+    from plumb.files import whole_files
+
+    study = _study(arguments)
+    other = Results(folder.batches_of(arguments.against)) if _known(arguments.against) else None
+    if arguments.only is not None:
+        found = Results([run_batch(study, range(arguments.only, arguments.only + 1))])
+    else:
+        where = campaign.Where(arguments.workers, arguments.scheduler, arguments.out, arguments.resume)
+        with tqdm(total=study.runs, unit="run", desc=f"campaign of {study.system}", disable=None) as bar:
+            found = Results(campaign.run(study, where, bar.update))
+    said = report.of(study, found, identity(), arguments.command_line, other)
+    written = []
+    if arguments.out is not None and arguments.only is None:
+        files = said.files()
+        whole_files.write_whole({arguments.out / name: content for name, content in files.items()}, folder.ADVICE)
+        written = [
+            f"report: {arguments.out / 'report.html'}",
+            f"files: {', '.join(str(arguments.out / name) for name in files)}",
+        ]
+    print(json.dumps(said.to_json()) if arguments.json else "\n".join([said.text(), *written]))
+    differ = found.metrics.get("confirmed_mismatches")
+    bad = bool(found.failed) or (differ is not None and bool((differ > 0).any()))
+    return ExitCode.BAD_VERDICT if bad else ExitCode.GOOD
+
+
+def _known(path: Path | None) -> bool:
+    """Whether there is a campaign to compare with; raises UsageError for a folder without one."""
+    from plumb.campaign import folder
+
+    return path is not None and bool(folder.about_of(path))

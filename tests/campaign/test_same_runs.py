@@ -1,0 +1,70 @@
+"""A run of a campaign gives the digests, the inputs and the figures of `plumb run` with its seed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from plumb import systems
+from plumb.boards import native_plant
+from plumb.campaign import batch
+from plumb.campaign.study import Study, from_table
+from plumb.proof import scenario_run
+
+CASES = [
+    {"system": name, "scenario": scenario, "open_loop": open_loop, "seconds": 12}
+    for name in systems.SYSTEMS
+    for scenario in systems.load(name).SCENARIOS
+    for open_loop in ((False, True) if systems.load(name).OUTPUTS else (True,))
+]
+FAULTS = [
+    {"system": "quad", "scenario": "hold", "faults": ["stuck:gyro@4-6", "push:0.2@7-7.2", "push:0.1@7.1-8"]},
+    {"system": "quad", "faults": ["noisy:accel_y@4", "railed:gyro@9-10"], "conditions": {"delay_ms": 7.0}},
+    {"system": "quad", "faults": ["silent:accel_z@4"], "conditions": {"bandwidth_hz": 20.0}, "open_loop": True},
+    {"system": "balancer", "faults": ["stuck:hall@6-8", "noisy:gyro@4", "push:6@9-9.2"]},
+    {"system": "balancer", "faults": ["railed:accel_x@4-5", "silent:accel_z@6", "stuck:gyro@5"]},
+    {"system": "balancer", "faults": ["push:6@5-5.2", "stuck:accel_x@4-5"], "open_loop": True},
+]
+
+
+def compare(study: Study, index: int) -> None:
+    request = study.request(index)
+    alone = scenario_run.perform(request)
+    found = batch.run_one(request)
+    assert np.array_equal(found.answer.digests, alone.run.answer.digests)
+    assert np.array_equal(found.inputs.setpoint, alone.run.inputs.setpoint)
+    for name, truth in alone.run.inputs.truth.items():
+        assert np.array_equal(found.inputs.truth[name], truth, equal_nan=True), name
+
+
+@pytest.mark.parametrize("table", CASES, ids=lambda table: "-".join(str(one) for one in table.values()))
+def test_digests_are_those_of_plumb_run(table: dict[str, object]) -> None:
+    compare(from_table({**table, "seconds": 4, "runs": 40}), 7)
+
+
+@pytest.mark.parametrize("table", FAULTS, ids=lambda table: f"{table['system']} {table['faults']}")
+def test_faults_and_conditions_are_those_of_plumb_run(table: dict[str, object]) -> None:
+    compare(from_table({**table, "seconds": 12, "runs": 40}), 3)
+
+
+@pytest.mark.parametrize("system", [name for name in systems.SYSTEMS if systems.load(name).OUTPUTS])
+def test_a_system_that_moves_something_closes_its_loop_in_c(system: str) -> None:
+    assert native_plant.available(system), f"{system} has no plant.c: its campaigns close the loop in Python"
+
+
+@pytest.mark.parametrize("system", ["quad", "balancer", "phone"])
+def test_figures_are_those_of_plumb_run(system: str) -> None:
+    study = from_table({"system": system, "seconds": 4, "runs": 3, "reference": True})
+    found = batch.run_batch(study, range(3))
+    alone = scenario_run.perform(study.request(2)).run.metrics()
+    del alone["target_vs_fixed_mismatches"]
+    given = {name: column[2] for name, column in found.metrics.items()}
+    for name, value in alone.items():
+        assert value is None or math.isclose(given[name] or 0.0, value, rel_tol=1e-9, abs_tol=1e-12), name
+
+
+def test_the_digest_of_a_run_is_that_of_its_steps_in_order() -> None:
+    digests = np.array([1, 2, 3], np.uint32)
+    assert batch.digest_of(digests) == 0xB0E02293 != batch.digest_of(digests[::-1])

@@ -1,0 +1,59 @@
+"""Intervals, differences and effects against what is known of the numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from plumb.campaign import against, statistics
+from plumb.campaign.batch import Batch
+from plumb.campaign.results import Results
+from plumb.errors import UsageError
+
+
+def results(values: np.ndarray, seeds: range, **factors: list[Any]) -> Results:
+    count = len(values)
+    metrics: dict[str, list[float | None]] = {"error_deg": [None if np.isnan(one) else float(one) for one in values]}
+    indices = list(range(count))
+    return Results([Batch({}, indices, list(seeds), [1] * count, [0] * count, [None] * count, factors, metrics)])
+
+
+def test_the_interval_is_that_of_the_mean() -> None:
+    values = np.random.default_rng(1).normal(5.0, 2.0, 1000)
+    low, high = statistics.interval(values)
+    half = 1.96 * values.std(ddof=1) / np.sqrt(1000)
+    assert low == pytest.approx(values.mean() - half, abs=0.1 * half)
+    assert high == pytest.approx(values.mean() + half, abs=0.1 * half)
+
+
+def test_the_interval_has_the_mean_of_all_seeds_in_most_campaigns() -> None:
+    rng = np.random.default_rng(2)
+    held = sum(low <= 1.0 <= high for low, high in (statistics.interval(rng.exponential(1.0, 60)) for _ in range(100)))
+    assert 86 <= held <= 99
+
+
+def test_runs_without_the_figure_are_not_counted() -> None:
+    found = statistics.figures(results(np.array([1.0, np.nan, 3.0]), range(3)))["error_deg"]
+    assert (found.mean, found.runs, found.max, found.worst_index) == (2.0, 2, 3.0, 2)
+
+
+def test_a_difference_below_the_spread_is_found_by_pairs() -> None:
+    noise = np.random.default_rng(3).normal(0.0, 1.0, 400)
+    here, other = results(noise + 0.02, range(400)), results(noise[:300], range(300))
+    (found,) = against.compare(here, other)
+    assert found.pairs == 300 and found.real and found.difference == pytest.approx(0.02)
+    (same,) = against.compare(results(noise, range(400)), results(np.roll(noise, 1), range(400)))
+    assert not same.real
+    with pytest.raises(UsageError, match="no seed in common"):
+        against.compare(here, results(noise, range(1000, 1400)))
+
+
+def test_the_factor_that_moves_a_figure_is_named() -> None:
+    rng = np.random.default_rng(4)
+    delay_ms, other = rng.uniform(0.0, 10.0, 800), [f"{one}" for one in rng.integers(0, 4, 800)]
+    values = delay_ms**2 + rng.normal(0.0, 3.0, 800)
+    found = statistics.effects(results(values, range(800), delay_ms=delay_ms.tolist(), other=other), ["error_deg"])
+    assert [one.factor for one in found] == ["delay_ms", "other"]
+    assert found[0].share > 0.9 and found[1].share < 0.02 and len(found[0].levels) == statistics.BINS
