@@ -62,7 +62,7 @@ bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
 uint16_t arming_switch_owns(const arming_t *a) {
     const bool used_up = a->switch_closed && !a->switch_ready && !a->switch_trying;
 
-    return used_up && (a->by_switch || !arming_armed(a)) ? ARMING_BLOCK_SWITCH_OWNS : 0U;
+    return USED_ACTUATORS && used_up && (a->by_switch || !arming_armed(a)) ? ARMING_BLOCK_SWITCH_OWNS : 0U;
 }
 
 void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us) {

@@ -11,9 +11,11 @@ from pathlib import Path
 import pytest
 
 from plumb.boards import open_board
+from plumb.boards.virtual import VirtualBoard
 from plumb.flash.call_graph import CallGraph
 from plumb.flash.elf import Elf
 from plumb.flash.left_out import saved_bytes
+from plumb.link.identity import NackError
 from plumb.proof import golden
 from plumb.spec import declarations
 from support.campaigns import LONG
@@ -46,9 +48,20 @@ def test_an_image_of_fewer_systems_is_one_that_can_be_shipped(tmp_path: Path, wh
         (left_out,) = set(NAMES) - set(systems)
         saved = full.elf.flash_bytes - Elf(tmp_path / "firmware.elf").flash_bytes
         assert 0 < saved_bytes(full, left_out) <= saved
+    if not any(declarations.system(name).output for name in systems):
+        moves_nothing(tmp_path / "firmware.bin")
     chosen = [case for case in golden.cases(VECTORS, systems) if case.entry.on_link]
     if not LONG:
         chosen = [next(case for case in chosen if case.entry.system == name) for name in systems]
     with open_board("virtual", image=tmp_path / "firmware.bin") as board:
         result = golden.check(board, VECTORS, chosen=chosen)
     assert result.verdict == "pass" and result.vectors >= len(systems), result.describe()
+
+
+def moves_nothing(image: Path) -> None:
+    """The pins of the speed controllers float, and arming is refused for this reason, not for the switch."""
+    with VirtualBoard(image) as board:
+        assert not any(board.machine.port(pin).is_output(int(pin[2:])) for pin in ("PB6", "PB7"))
+        with pytest.raises(NackError, match="this system has nothing to move") as refused:
+            board.session.arm(0.5)
+        assert "arm switch" not in str(refused.value) and board.machine.warnings == []
