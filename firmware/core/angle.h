@@ -1,5 +1,5 @@
-/* Angles from ratios and ratios from angles, as binary angles: int32, a full turn is 2^32. About 140 cycles
- * an angle; atan2 and sincos take a constant number of instructions. */
+/* The bodies of plumb/angle.h, inlined into the steps: the manual is there. atan2 and sincos take a constant
+ * number of instructions. */
 #ifndef PLUMB_CORE_ANGLE_H
 #define PLUMB_CORE_ANGLE_H
 
@@ -36,8 +36,6 @@ KERNEL uint32_t angle_root_q29(uint32_t w) {
     return s_q29 - (uint32_t)asr64(mul_i64((int32_t)s_q29, e_q30), 31);
 }
 
-/* Direction of the vector (x, y), any int32, scale irrelevant: 0 along +x, a quarter turn along +y. (0, 0)
- * gives 0; the direction of -x is -2^31, which is the half turn. Error below 5e-6 deg. */
 KERNEL int32_t angle_atan2(int32_t y, int32_t x) {
     const uint32_t ax = abs_u32(x);
     const uint32_t ay = abs_u32(y);
@@ -63,8 +61,6 @@ KERNEL int32_t angle_atan2(int32_t y, int32_t x) {
     return wrap_i32(y < 0 ? 0U - turn : turn);
 }
 
-/* Angle whose sine is x / 2^30; beyond +-2^30 it stays at a quarter turn. asin(-x) = -asin(x) but at 0,
- * which gives 2 units (1.7e-7 deg). Error below 7e-6 deg everywhere, the ends included. */
 KERNEL int32_t angle_asin(int32_t x_q30) {
     const uint32_t x = min_u32(abs_u32(x_q30), 1U << 30);
     const uint32_t rest = (1U << 30) - x; /* 1 - |x| */

@@ -1,16 +1,12 @@
-/* Raw counts -> units: clamp to the sensor's plausible range, scale, shift. One multiply-add of 32 bits.
- *
- * The gain and offset carry the unit: turn/s Q28 per count for a gyro, g Q26 per count for an accelerometer.
- * plumb_calibration_valid() checks that gain * raw + offset stays within +-PLUMB_CALIBRATION_LIMIT for every
- * raw in [raw_min, raw_max]. The product alone may overflow: the sum is taken modulo 2^32. */
+/* The body of plumb/calibration.h, inlined into the steps: the manual is there. The product of gain and count
+ * alone may overflow: the sum is taken modulo 2^32. */
 #ifndef PLUMB_CORE_CALIBRATION_H
 #define PLUMB_CORE_CALIBRATION_H
 
 #include "fixed.h"
 #include "plumb/calibration.h"
 
-/* raw within [raw_min, raw_max]; where the result differs from raw, the sample is saturated. About 5 cycles.
- */
+/* About 5 cycles. */
 static inline int32_t calibration_clamp(const plumb_calibration_params_t *p, int32_t raw) {
     return clamp_i32(raw, p->raw_min, p->raw_max);
 }

@@ -1,14 +1,5 @@
-/* Kalman filter of the ten errors of an attitude in earth axes: bias and scale of the gyro, tilt, horizontal
- * velocity.
- *
- * A block of steps ends with its coupling (tilt per bias and scale error) and its lever (velocity per tilt).
- * Then the covariance grows: the velocity by half the lever, the two tilts, the velocity again and every
- * variance. Each scalar measurement follows: plumb_error_filter_weigh, then plumb_error_filter_shrink. Each
- * function here is one slice of that work and fits into a step. Sums are modulo 2^32, as no input may make
- * one undefined.
- *
- * docs/reference/arithmetic/attitude.md gives every word.
- */
+/* The slices of the filter of plumb/error_filter.h, in the order in which a block of steps takes them: the
+ * manual is there. */
 #ifndef PLUMB_CORE_ERROR_FILTER_H
 #define PLUMB_CORE_ERROR_FILTER_H
 

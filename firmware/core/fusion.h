@@ -1,19 +1,4 @@
-/* Error-state filter of gyro and angular accelerometer, in the two stages of Friedland (1969).
- *
- * First stage, one covariance for the three axes, because they share noise and sampling instants: errors of
- *
- *     [0] rate            turn/s
- *     [1] gyro bias       turn/s
- *     [2] angular bias    of the angular accelerometer, turn/s per four steps
- *     [3] difference      of the two attitudes, turn per step (attitude layer only)
- *     and, as a row without a variance of its own, the published angle, turn.
- *
- * Second stage, one per axis and parameter: the difference in scale between gyro and angular accelerometer,
- * and the gyro's lag. sensitivity[] is the effect of one unit of the parameter's error on the states above.
- * That is exact for constant parameters, and needs no larger covariance.
- *
- * Covariances are in Q64 of the squared units, gains in Q28, sensitivities in Q28. Why every sum fits:
- * docs/reference/arithmetic/kernels.md.
+/* The slices of the filter of plumb/fusion.h, in the order in which a step takes them: the manual is there.
  */
 #ifndef PLUMB_CORE_FUSION_H
 #define PLUMB_CORE_FUSION_H
@@ -30,8 +15,6 @@ enum { FUSION_RATE, FUSION_GYRO_BIAS, FUSION_ANGULAR_BIAS, FUSION_DIFFERENCE, FU
 /* Cell of row i, column j <= i; the angle's row has columns 0..3. */
 #define FUSION_CELL(i, j) ((i) * ((i) + 1U) / 2U + (j))
 
-/* A second-stage parameter: its variance, and the effect of one unit of its error on rate, gyro bias, angular
- * bias and angle. */
 /* Inputs of one step of covariance. The couplings depend on what was measured in the step. */
 typedef struct {
     bool angular;      /* the rate was propagated by an angular-acceleration sample, hence by its bias */

@@ -1,27 +1,10 @@
-/* Kalman filter of two states, tilt and gyro bias: the covariance is propagated and the measurement variance
- * R is given at every step. The equations are numbered as the sources print them; P = [[p00, p01], [p01,
- * p11]], K = [k0, k1].
- *
- *     phi' = phi + dt (omega - b),  b' = b,  z = phi + noise of variance R
- *     (1) X = A X + B U
- *     (2) P = A P A^T + Q
- *     (3) X = X + K (z - phi)
- *     (4) K = P H^T / (p00 + R)
- *     (5) P = (I - K H) P
- *
- * The state holds the bias per step (turn, not turn/s): then A = [[1, -1], [0, 1]], and the covariance needs
- * no product with dt. Covariances are in lsb, a unit that each parameter set chooses (about 2^-56 of its
- * largest variance): p00, p01, p11 are 64-bit integers, p11 and its process noise have 30 more bits of
- * fraction, and r is in 2^32 lsb. docs/reference/arithmetic/kernels.md, shows that every sum fits.
- */
+/* The body of plumb/kalman.h, inlined into the steps: the manual is there, with the equations (1) to (5). */
 #ifndef PLUMB_CORE_KALMAN_H
 #define PLUMB_CORE_KALMAN_H
 
 #include "fixed.h"
 #include "plumb/kalman.h"
 
-/* Predict with the gyro rate (turn/s, any int32), then correct with the measured tilt (any int32, wraps) of
- * variance r (1..PLUMB_KALMAN_R_MAX). Constant number of instructions, one UDIV, no branch. */
 KERNEL void kalman_step(plumb_kalman_t *restrict k, const plumb_kalman_params_t *restrict p, uint32_t r,
                         int32_t tilt_turn_q32, int32_t rate_turnps_q28) {
     /* (2) P = A P A^T + Q; the Q of p11 is added in (5) */
@@ -73,13 +56,10 @@ KERNEL void kalman_step(plumb_kalman_t *restrict k, const plumb_kalman_params_t 
     k->k1_q29 = k1_q29;
 }
 
-/* Fused tilt, turn Q32. */
 KERNEL int32_t kalman_tilt(const plumb_kalman_t *k) {
     return wrap_i32(shl_hi((uint64_t)k->tilt_turn_q61, 3));
 }
 
-/* Predicted tilt of the next step, turn Q32: equation (1) with this rate. As the measurement of that step it
- * makes the innovation 0, so nothing is corrected. */
 KERNEL int32_t kalman_predicted(const plumb_kalman_t *k, const plumb_kalman_params_t *p,
                                 int32_t rate_turnps_q28) {
     const int64_t tilt =
@@ -87,7 +67,6 @@ KERNEL int32_t kalman_predicted(const plumb_kalman_t *k, const plumb_kalman_para
     return wrap_i32(shl_hi((uint64_t)tilt, 3));
 }
 
-/* Bias, turn/s Q28, within the limit bias_max. */
 KERNEL int32_t kalman_bias(const plumb_kalman_t *k, const plumb_kalman_params_t *p) {
     int32_t limit = p->bias_max_turn_q29, gain = p->rate_gain;
     uint32_t shift = p->rate_shift;

@@ -1,26 +1,10 @@
-/* PID controller: error -> command, with amplitude limit, slew limit and anti-windup.
- *
- *     (1) demand = kp * error + integral - kd * filtered rate     D acts on the measured rate
- *     (2) command = demand, limited to +-1 and to +-slew from the last command
- *     (3) integral += ki dt * error, unless (2) limited and this would push it further
- *
- *     (4) between two steps, other gains: integral += (kp error - kd filtered rate) of the old gains
- *                                                     - (kp error - kd filtered rate) of the new ones
- *
- * +-1 is the full range of the actuator. To use less of it, reduce the span of the output and raise the
- * gains; the sign of the span sets the direction. The integral has 64 bits; (1) uses its upper 32. |kp|, |kd|
- * <= 2^30 keep the sum below 2^30 (plumb_pid_valid). (4) leaves the demand of the last error and rate as it
- * was to the last bit, because the products of (1) and (4) are rounded alike; it is done only where ki dt is
- * not 0.
- */
+/* The body of plumb/pid.h, inlined into the steps: the manual is there, with the equations (1) to (4). */
 #ifndef PLUMB_CORE_PID_H
 #define PLUMB_CORE_PID_H
 
 #include "fixed.h"
 #include "plumb/pid.h"
 
-/* error: setpoint - tilt, turn Q32, already wrapped; rate: measured, turn/s Q28. Constant number of
- * instructions. */
 KERNEL void pid_step(plumb_pid_t *restrict c, const plumb_pid_params_t *restrict p, int32_t error_turn_q32,
                      int32_t rate_turnps_q28) {
     int32_t kp = p->kp_q22, kd = p->kd_q27, alpha = p->d_alpha_q31, last = c->rate_filtered_turnps_q27;

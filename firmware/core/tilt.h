@@ -1,8 +1,4 @@
-/* Acceleration -> measured tilt and its variance R.
- *
- * Positive tilt is the rotation that turns gravity's reaction from the z axis towards the y axis: at rest
- * accel_y = sin(tilt) g, accel_z = cos(tilt) g.
- */
+/* The body of plumb/tilt.h, inlined into the steps: the manual is there. */
 #ifndef PLUMB_CORE_TILT_H
 #define PLUMB_CORE_TILT_H
 
@@ -13,17 +9,12 @@
 #define TILT_ONE_G_Q26  (1L << 26)
 #define TILT_ONE_G2_Q20 (1L << 20)
 
-/* Measured tilt, turn Q32, from accelerations of any size. */
 KERNEL int32_t tilt_angle(const plumb_tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
     if (p->mode == PLUMB_TILT_ARCSINE)
         return angle_asin(clamp_i32(accel_y_g_q26, -TILT_ONE_G_Q26, TILT_ONE_G_Q26) * 16);
     return angle_atan2(accel_y_g_q26, accel_z_g_q26);
 }
 
-/* r = min(r_base + r_gain * (|a|^2 - 1 g^2)^2, r_max), for accelerations within +-PLUMB_CALIBRATION_LIMIT:
- *     d = min(| ((ay^2 + az^2) >> 32) - 2^20 |, deviation_max) << deviation_shift
- *     r = min(r_base + ((((d^2) >> 32) * r_gain) >> 32), r_max)
- * R depends on this sample alone, and has no dead band. */
 KERNEL uint32_t tilt_variance(const plumb_tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
     const int64_t square =
         add64_wrap(mul_i64(accel_y_g_q26, accel_y_g_q26), mul_i64(accel_z_g_q26, accel_z_g_q26));

@@ -1,12 +1,4 @@
-/* Hall edges -> speed of the wheels and acceleration of the axle.
- *
- *     speed    = edges of this step * length of one edge / dt
- *     velocity = speed after a first-order low-pass
- *     accel    = slope of velocity
- *
- * One edge more or less in a step makes the speed jump. The low-pass spreads the jump, and its effect on the
- * acceleration cancels over the next steps.
- */
+/* The body of plumb/wheel.h, inlined into the steps: the manual is there. */
 #ifndef PLUMB_CORE_WHEEL_H
 #define PLUMB_CORE_WHEEL_H
 
@@ -17,8 +9,7 @@
 #define WHEEL_SPEED_LIMIT (15L << 26) /* m/s */
 #define WHEEL_ACCEL_LIMIT (3L << 26)  /* g */
 
-/* One step. edges: signed count of this step. True when the edges or the acceleration were clamped. About 30
- * cycles. */
+/* About 30 cycles. */
 KERNEL bool wheel_step(plumb_wheel_t *restrict c, const plumb_wheel_params_t *restrict p, int32_t edges) {
     int32_t most = p->edges_max, edge = p->edge_mps_q26;
     LOADED2(most, edge);

@@ -16,7 +16,8 @@ extern "C" {
  * direction of -x is -2^31. Error below 5e-6 deg. About 140 cycles of a Cortex-M3. */
 int32_t plumb_angle_atan2(int32_t y, int32_t x);
 
-/* Angle whose sine is x / 2^30; beyond +-2^30 it stays at a quarter turn. Error below 7e-6 deg. */
+/* Angle whose sine is x / 2^30; beyond +-2^30 it stays at a quarter turn. Error below 7e-6 deg, the ends
+ * included. asin(-x) = -asin(x), except that asin(0) is 2 units (1.7e-7 deg). */
 int32_t plumb_angle_asin(int32_t x_q30);
 
 /* Sine and cosine, each within +-2^30. Error below 8e-9. */

@@ -1,5 +1,7 @@
 /* Raw counts -> units: clamp to the sensor's plausible range, scale, shift. One multiply-add of 32 bits.
  *
+ *     value = gain * count + offset      count within raw_min..raw_max, or else saturated
+ *
  * Gain and offset carry the unit: turn/s Q28 per count for a gyro, g Q26 per count for an accelerometer. */
 #ifndef PLUMB_CALIBRATION_H
 #define PLUMB_CALIBRATION_H

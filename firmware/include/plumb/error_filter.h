@@ -1,6 +1,13 @@
-/* State of the Kalman filter of the errors of an attitude: bias and scale of the gyro, tilt, horizontal
- * velocity. It runs inside the step of the system that has it; its equations are in
- * firmware/core/error_filter.h. */
+/* Kalman filter of the ten errors of an attitude in earth axes: bias and scale of the gyro, tilt, horizontal
+ * velocity. It runs inside the step of the system that has it; here is its state.
+ *
+ * A block of steps ends with its coupling (tilt per bias and scale error) and its lever (velocity per tilt).
+ * Then the covariance grows: the velocity by half the lever, the two tilts, the velocity again and every
+ * variance. Each scalar measurement follows: weigh, then shrink. Each function is one slice of that work and
+ * fits into a step. Sums are modulo 2^32, as no input may make one undefined.
+ *
+ * docs/reference/arithmetic/attitude.md gives every word.
+ */
 #ifndef PLUMB_ERROR_FILTER_H
 #define PLUMB_ERROR_FILTER_H
 

@@ -1,5 +1,21 @@
-/* Parameters of the error filter of gyro and angular accelerometer, and the state of its second stage. The
- * filter runs inside the step of the system that has it; its equations are in firmware/core/fusion.h. */
+/* Error-state filter of gyro and angular accelerometer, in the two stages of Friedland (1969). It runs inside
+ * the step of the system that has it; here are its parameters and the state of its second stage.
+ *
+ * First stage, one covariance for the three axes, because they share noise and sampling instants: errors of
+ *
+ *     [0] rate            turn/s
+ *     [1] gyro bias       turn/s
+ *     [2] angular bias    of the angular accelerometer, turn/s per four steps
+ *     [3] difference      of the two attitudes, turn per step (attitude layer only)
+ *     and, as a row without a variance of its own, the published angle, turn.
+ *
+ * Second stage, one per axis and parameter: the difference in scale between gyro and angular accelerometer,
+ * and the gyro's lag. sensitivity[] is the effect of one unit of the parameter's error on the states above.
+ * That is exact for constant parameters, and needs no larger covariance.
+ *
+ * Covariances are in Q64 of the squared units, gains in Q28, sensitivities in Q28. Why every sum fits:
+ * docs/reference/arithmetic/kernels.md.
+ */
 #ifndef PLUMB_FUSION_H
 #define PLUMB_FUSION_H
 
@@ -39,6 +55,8 @@ typedef struct {
     uint32_t v_lag_q30;            /* variance of the lag, steps^2: 0..2^30; 0: not estimated */
 } plumb_fusion_params_t;
 
+/* A parameter of the second stage: its variance, and the effect of one unit of its error on rate, gyro bias,
+ * angular bias and angle. */
 typedef struct {
     int64_t variance_q60;
     int32_t sensitivity_q28[PLUMB_FUSION_TOUCHED];

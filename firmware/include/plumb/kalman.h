@@ -1,7 +1,18 @@
-/* Kalman filter of two states, tilt and gyro bias, with the full covariance and a measurement variance of its
- * own at every step. Its equations are in firmware/core/kalman.h.
+/* Kalman filter of two states, tilt and gyro bias, with the full covariance and a measurement variance R of
+ * its own at every step. The equations are numbered as the sources print them; P = [[p00, p01], [p01, p11]],
+ * K = [k0, k1].
  *
- * Covariances are in lsb, a unit that each parameter set chooses (plumb/design.h). The bias is held per step.
+ *     phi' = phi + dt (omega - b),  b' = b,  z = phi + noise of variance R
+ *     (1) X = A X + B U
+ *     (2) P = A P A^T + Q
+ *     (3) X = X + K (z - phi)
+ *     (4) K = P H^T / (p00 + R)
+ *     (5) P = (I - K H) P
+ *
+ * The state holds the bias per step (turn, not turn/s): then A = [[1, -1], [0, 1]], and the covariance needs
+ * no product with dt. Covariances are in lsb, a unit that each parameter set chooses (plumb/design.h; about
+ * 2^-56 of its largest variance): p00, p01, p11 are 64-bit integers, p11 and its process noise have 30 more
+ * bits of fraction, and r is in 2^32 lsb. docs/reference/arithmetic/kernels.md shows that every sum fits.
  */
 #ifndef PLUMB_KALMAN_H
 #define PLUMB_KALMAN_H
@@ -54,7 +65,7 @@ void plumb_kalman_init(plumb_kalman_t *k, const plumb_kalman_start_t *s);
 
 /* Predict with the gyro rate (turn/s Q28, any int32), then correct with the measured tilt (turn Q32, any
  * int32, wraps) of variance r (2^32 lsb, 1 to PLUMB_KALMAN_R_MAX). A constant number of instructions, one
- * division of 32 bits. p: valid (plumb_kalman_valid). */
+ * division of 32 bits, no branch. p: valid (plumb_kalman_valid). */
 void plumb_kalman_step(plumb_kalman_t *k, const plumb_kalman_params_t *p, uint32_t r, int32_t tilt_turn_q32,
                        int32_t rate_turnps_q28);
 

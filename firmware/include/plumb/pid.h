@@ -1,6 +1,19 @@
 /* Error -> command in -1 to 1: proportional, integral with anti-windup, derivative of the measured rate
- * behind a first-order filter, limit of the command and of its change. Its equations are in
- * firmware/core/pid.h. */
+ * behind a first-order filter, limit of the command and of its change.
+ *
+ *     (1) demand = kp * error + integral - kd * filtered rate     D acts on the measured rate
+ *     (2) command = demand, limited to +-1 and to +-slew from the last command
+ *     (3) integral += ki dt * error, unless (2) limited and this would push it further
+ *
+ *     (4) between two steps, other gains: integral += (kp error - kd filtered rate) of the old gains
+ *                                                     - (kp error - kd filtered rate) of the new ones
+ *
+ * +-1 is the full range of the actuator. To use less of it, reduce the span of the output and raise the
+ * gains; the sign of the span sets the direction. The integral has 64 bits; (1) uses its upper 32. |kp|, |kd|
+ * <= 2^30 keep the sum below 2^30 (plumb_pid_valid). (4) leaves the demand of the last error and rate as it
+ * was to the last bit, because the products of (1) and (4) are rounded alike; it is done only where ki dt is
+ * not 0.
+ */
 #ifndef PLUMB_PID_H
 #define PLUMB_PID_H
 
@@ -28,7 +41,7 @@ typedef struct {
     int32_t command_q22;  /* -1..1-2^-22 */
     int32_t rate_filtered_turnps_q27;
     int32_t excess_q22;     /* demand - command: not 0 when limited */
-    int32_t error_turn_q32; /* pid_step() does not touch it: the caller records its error here, and a
+    int32_t error_turn_q32; /* plumb_pid_step() does not touch it: the caller records its error here, and a
                                retuning reads it */
 } plumb_pid_t;
 

@@ -1,4 +1,11 @@
-/* Hall edges -> speed of the wheels and acceleration of the axle. Its equations are in firmware/core/wheel.h.
+/* Hall edges -> speed of the wheels and acceleration of the axle.
+ *
+ *     speed    = edges of this step * length of one edge / dt
+ *     velocity = speed after a first-order low-pass
+ *     accel    = slope of velocity
+ *
+ * One edge more or less in a step makes the speed jump. The low-pass spreads the jump, and its effect on the
+ * acceleration cancels over the next steps.
  */
 #ifndef PLUMB_WHEEL_H
 #define PLUMB_WHEEL_H
@@ -20,12 +27,13 @@ typedef struct {
 
 /* State, and what the last step gave. */
 typedef struct {
-    int32_t speed_mps_q26;    /* of this step, +-WHEEL_SPEED_LIMIT */
+    int32_t speed_mps_q26;    /* of this step, +-15 m/s */
     int32_t velocity_mps_q26; /* filtered */
-    int32_t accel_g_q26;      /* +-WHEEL_ACCEL_LIMIT */
+    int32_t accel_g_q26;      /* +-3 g */
 } plumb_wheel_t;
 
-/* One step; begin with all zero. edges: signed, of this step. True when anything had to be clamped. */
+/* One step; begin with all zero. edges: signed, of this step. True when edges or acceleration were clamped.
+ */
 bool plumb_wheel_step(plumb_wheel_t *c, const plumb_wheel_params_t *p, int32_t edges);
 
 /* The ranges above, and that no speed can leave +-15 m/s. */
