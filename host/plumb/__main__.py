@@ -155,8 +155,10 @@ def entry() -> None:
         signal.signal(signal.SIGINT, _quit_at_once)
     import contextlib
 
+    from plumb.cli.python_can import load_without_mf4
     from plumb.process_signals import raise_at_once
 
+    load_without_mf4()
     with contextlib.suppress(AttributeError):  # a file's name need not be text
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     code = 130

@@ -96,6 +96,29 @@ def test_an_mf4_file_has_frames_signals_units_and_the_dbc(whole: Path, recorded:
         assert np.allclose(decoded.get("QUAD_ANGLE.tilt").samples, tilt.samples)
 
 
+PROGRAM = """
+import sys
+from plumb.__main__ import entry
+try:
+    entry()
+finally:
+    print([name for name in ("can", "asammdf", "pandas") if name in sys.modules])
+"""
+
+
+def test_a_command_loads_the_library_of_mf4_for_mf4_alone(whole: Path, recorded: RecordedRun, tmp_path: Path) -> None:
+    """python-can would load it, and it pandas: most of the time of a command."""
+
+    def loaded(name: str) -> str:
+        command = [sys.executable, "-c", PROGRAM, "export", str(whole), str(tmp_path / name)]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+
+    assert loaded("run.blf") == "['can']"
+    assert loaded("run.mf4") == "['can', 'asammdf', 'pandas']"
+    with asammdf.MDF(tmp_path / "run.mf4") as file:
+        assert len(file.get("tilt_deg").samples) == recorded.run.steps
+
+
 def test_the_dbc_the_identity_and_the_page(whole: Path, tmp_path: Path) -> None:
     files = [tmp_path / f"run.{suffix}" for suffix in ("dbc", "json", "html")]
     assert export(whole, *files) == 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,6 @@ from support.mutants import FIRMWARE, Mutant, Workshop, mutants
 
 ROOT = Path(__file__).resolve().parents[2]
 SEED, SAMPLE = 1, 12
-VECTORS = Prepared.all(golden.load(ROOT / "tests/vectors"))
 DEFECTS = {
     "bias bound": ("core/kalman.h", "-(1 << 26), (1 << 26) - 1)", "-(1 << 26), (1 << 26))"),
     "p11 bound": ("core/kalman.h", "0, (1 << 24) - 1)", "-1, (1 << 24) - 1)"),
@@ -36,12 +36,17 @@ DEFECTS = {
 """One change each, at places that vectors have missed before: file, what stands there, what takes its place."""
 
 
+@cache
+def vectors() -> list[Prepared]:
+    return Prepared.all(golden.load(ROOT / "tests/vectors"))
+
+
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
     """A workshop whose unchanged library passes."""
     made = Workshop(tmp_path_factory.mktemp("mutants"))
     baseline = made.library()
-    assert baseline is not None and killer(baseline, VECTORS) is None, "the core itself differs from the vectors"
+    assert baseline is not None and killer(baseline, vectors()) is None, "the core itself differs from the vectors"
     yield made
 
 
@@ -57,12 +62,12 @@ def defect(name: str) -> Mutant:
 def test_a_defect_is_noticed(workshop: Workshop, name: str) -> None:
     library = workshop.library(defect(name), name.replace(" ", "_"))
     assert library is not None
-    assert killer(library, VECTORS) is not None
+    assert killer(library, vectors()) is not None
 
 
 def test_a_sample_of_mutants_is_killed(workshop: Workshop) -> None:
     sample = mutants()
     random.Random(SEED).shuffle(sample)
     libraries = [workshop.library(mutant, f"mutant_{number}") for number, mutant in enumerate(sample[:SAMPLE])]
-    killed = [killer(library, VECTORS) is not None for library in libraries if library is not None]
+    killed = [killer(library, vectors()) is not None for library in libraries if library is not None]
     assert sum(killed) >= 0.7 * len(killed), "more of them pass than are equal to the core or nearly so"

@@ -37,6 +37,21 @@ if TYPE_CHECKING:
 
 FRAMES = (".blf", ".asc", ".log", ".trc")
 STEPS = (".csv", ".parquet", ".html")
+MF4_FRAME = np.dtype(
+    [
+        ("CAN_DataFrame.BusChannel", "<u1"),
+        ("CAN_DataFrame.ID", "<u4"),
+        ("CAN_DataFrame.IDE", "<u1"),
+        ("CAN_DataFrame.DLC", "<u1"),
+        ("CAN_DataFrame.DataLength", "<u1"),
+        ("CAN_DataFrame.DataBytes", "(64,)u1"),
+        ("CAN_DataFrame.Dir", "<u1"),
+        ("CAN_DataFrame.EDL", "<u1"),
+        ("CAN_DataFrame.BRS", "<u1"),
+        ("CAN_DataFrame.ESI", "<u1"),
+    ]
+)
+"""A frame as ASAM's bus logging has it."""
 FORMATS = (*STEPS, *FRAMES, ".mf4", ".dbc", ".json")
 BAR_ROWS = 1 << 18
 """With more rows, writing a table shows a progress bar."""
@@ -193,12 +208,11 @@ def _write_frames(log: Log, path: Path) -> None:
 def _write_mf4(log: Log, recorded: RecordedRun | None, path: Path) -> None:
     """Bus logging as ASAM defines it, with the DBC attached, and a group of signals in units for each frame."""
     from asammdf import MDF, Signal, Source
-    from can.io.mf4 import STD_DTYPE
 
     every = log.frames
     frames = every[(every["can_id"] & (REMOTE | ERROR)) == 0]
     start_us = int(every["time_us"][0]) if len(every) else 0
-    samples = np.zeros(len(frames), STD_DTYPE)
+    samples = np.zeros(len(frames), MF4_FRAME)
     samples["CAN_DataFrame.BusChannel"] = 1
     samples["CAN_DataFrame.ID"] = frames["can_id"] & 0x1FFFFFFF
     samples["CAN_DataFrame.IDE"] = (frames["can_id"] & EXTENDED) != 0
