@@ -61,7 +61,7 @@ def _run(
     client: Any, distributed: Any, study: Study, tasks: Sequence[Task], address: str
 ) -> Iterator[tuple[int, Batch]]:
     left, numbers = list(reversed(tasks)), {}
-    finished = distributed.as_completed()
+    finished = distributed.as_completed(loop=client.loop)
 
     def give() -> None:
         number, indices = left.pop()
