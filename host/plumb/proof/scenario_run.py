@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from plumb import systems
 from plumb.boards import open_board
@@ -149,8 +150,14 @@ def draw(request: RunRequest) -> Drawn:
     scenario = system.scenario(
         name, request.seed, seconds=request.seconds, period_us=settings.period_us, faults=faults, **conditions
     )
-    params = quantise(fitted(scenario, settings))
+    params = _quantised(cast(Hashable, fitted(scenario, settings)))
     return Drawn(name, tuning, scenario, params, conditions, bool(system.OUTPUTS) and not request.open_loop)
+
+
+@lru_cache(maxsize=4)
+def _quantised(tuning: Hashable) -> ControlParams:
+    """The parameters of a tuning, which the runs of a campaign share."""
+    return quantise(cast(AnyTuning, tuning))
 
 
 def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlParams, closes: bool) -> Run:

@@ -52,6 +52,8 @@ SCALE_ERROR = 0.01
 OFFSET_G = 0.003
 VIBRATION_G, VIBRATION_HZ = 0.03, (2.0, 12.0)
 BURSTS, BURST_G, BURST_S, BURST_BETWEEN_S = 6, 0.3, 0.15, (15.0, 115.0)
+BURST_REACH_S = 28.0 * BURST_S
+"""Beyond it a burst is 0 in float64."""
 
 # `converge`: at rest; the filter starts 30 deg and 5 deg/s off; 0.5 deg of accelerometer noise and no other error.
 CONVERGE_TILT_DPS = (-30.0, -5.0)
@@ -240,7 +242,8 @@ def scenario(
     lateral_g = VIBRATION_G * np.append(vibration, vibration[0]) * on
     if name == "motion":
         for at_s, peak_g in zip(burst_s, burst_g, strict=True):
-            lateral_g += peak_g * np.exp(-(((grid_s - at_s) / BURST_S) ** 2))
+            near = slice(*np.searchsorted(grid_s, (at_s - BURST_REACH_S, at_s + BURST_REACH_S)))
+            lateral_g[near] += peak_g * np.exp(-(((grid_s[near] - at_s) / BURST_S) ** 2))
     if name in ("quiet", "converge"):
         lateral_g = np.zeros_like(lateral_g)
     bias_dps = start_bias_dps + drift_dps * (1.0 - np.exp(-t / DRIFT_TAU_S)) + walk_dps
