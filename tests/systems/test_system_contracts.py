@@ -14,6 +14,7 @@ import pytest
 
 from plumb import systems
 from plumb.analyses.comparison.contenders import COMPARE
+from plumb.analyses.flights.estimators import FLIGHT
 from plumb.boards.plant_on_pins import coupler
 from plumb.cli.demo import DEMO
 from plumb.errors import UsageError
@@ -42,8 +43,10 @@ from plumb.systems.turntable import scenarios as turntable
 from plumb.tuning.quantise import QUANTISER
 
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy"
-PARTS: list[Part[object]] = [SCENARIOS, FIXED, REFERENCE, QUANTISER, PLOTS, PINS, FIGURES, REPLAY, COMPARE, DEMO]
-OPTIONAL = {"pins", "figures", "replay", "compare", "demo"}
+PARTS: list[Part[object]] = [
+    SCENARIOS, FIXED, REFERENCE, QUANTISER, PLOTS, PINS, FIGURES, REPLAY, COMPARE, FLIGHT, DEMO,
+]  # fmt: skip
+OPTIONAL = {"pins", "figures", "replay", "compare", "flight", "demo"}
 
 
 def plants_and_couplings() -> tuple[list[Scenario], list[Plant], list[type[Coupling]]]:

@@ -33,6 +33,8 @@ EXPORT void plumb_control_step(void *control, const uint32_t *params, const int1
 EXPORT void plumb_control_retune(void *control, const uint32_t *from, const uint32_t *to);
 EXPORT void plumb_control_steps(void *control, const uint32_t *params, const int16_t *raw,
                                 const int32_t *setpoint, int32_t steps, uint8_t *words);
+EXPORT void plumb_control_each(void *controls, const uint32_t *params, const int16_t *raw,
+                               const int32_t *setpoint, int32_t n, uint8_t *words);
 EXPORT void plumb_control_words(const void *control, const uint32_t *params, uint8_t *words);
 EXPORT void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint,
                               int32_t steps, uint8_t *words, uint32_t *digests);
@@ -125,6 +127,20 @@ void plumb_control_steps(void *control, const uint32_t *params, const int16_t *r
     for (int32_t i = 0; i < steps; i++) {
         control_step(control, &p, raw + (size_t)i * inputs, setpoint[i]);
         memcpy(words + (size_t)i * bytes, control_words(control), bytes);
+    }
+}
+
+/* One step of each of n controls, plumb_sizeof_control() bytes apart. raw: [n][inputs of the system];
+ * words: [n][plumb_sizeof_words(system)]. */
+void plumb_control_each(void *controls, const uint32_t *params, const int16_t *raw, const int32_t *setpoint,
+                        int32_t n, uint8_t *words) {
+    const plumb_params_t p = params_of(params);
+    const size_t bytes = control_words_bytes(&p);
+    const size_t inputs = control_system(&p)->inputs;
+    control_t *c = controls;
+    for (int32_t i = 0; i < n; i++) {
+        control_step(&c[i], &p, raw + (size_t)i * inputs, setpoint[i]);
+        memcpy(words + (size_t)i * bytes, control_words(&c[i]), bytes);
     }
 }
 

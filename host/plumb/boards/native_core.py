@@ -246,6 +246,31 @@ class Controller:
         return crc32(self._record.tobytes())
 
 
+class Controllers:
+    """Runs of one set of parameters side by side, a step of all at a time, for closed loops over many seeds."""
+
+    def __init__(self, params: ControlParams, runs: int) -> None:
+        require_valid(params)
+        self._core, self._params = c_core(), _u32(params.words())
+        size = self._core.plumb_sizeof_control()
+        self._memory = np.zeros((runs, size // 8), np.int64)
+        self._record = np.zeros(runs, RECORDS[params.system])
+        self._setpoints = np.zeros(runs, np.int32)
+        system = declarations.system(params.system)
+        self._inputs = np.tile(np.array(system.whole_inputs([0] * system.counts), np.int16), (runs, 1))
+        for control in self._memory:
+            self._core.plumb_control_init(_pointer(control), _pointer(self._params))
+
+    def step(self, raw: npt.NDArray[np.int16]) -> Words:
+        """The words of this step, (runs,). raw: (runs, inputs), or the first of them (`System.whole_inputs`)."""
+        self._inputs[:, : raw.shape[1]] = raw
+        self._core.plumb_control_each(
+            _pointer(self._memory), _pointer(self._params), _pointer(self._inputs), _pointer(self._setpoints),
+            len(self._record), _pointer(self._record),
+        )  # fmt: skip
+        return Words(self._record)
+
+
 def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
     """Words of every step of one or more runs. raw: (steps, inputs[, runs]), as `check_inputs` takes them; setpoint:
     (steps[, runs]); params: one set, or one per run."""

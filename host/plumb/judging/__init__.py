@@ -12,6 +12,7 @@ optional:
     margins.toml  margins of its closed loop on the flash image (tools/gen_margins.py)
     replay.py     recordings of real sensors as inputs of a run (plumb.inputs.replay.Replayed)
     compare.py    its vertical, for comparison with published algorithms (plumb.analyses.comparison.contenders.Compared)
+    flight.py     its vertical in simulated flight (plumb.analyses.flights.estimators.FlownSystem)
     demo.py       the run that `plumb demo` shows (plumb.cli.demo.Demo)
     commands/     the system's own commands, as system.toml declares them; modules like those of plumb.cli
     inputs/       further sources of samples

@@ -36,7 +36,7 @@ COMPARE = Part[Compared]("compare", Compared, without="it is not compared with p
 
 
 @dataclass(frozen=True)
-class Contender:
+class Described:
     """An algorithm. origin: package and version; cost: cycles or operations of a sample, with the source.
     bias_limit_dps: the largest gyro bias of an axis that it can learn, None where it has no such limit."""
 
@@ -44,8 +44,14 @@ class Contender:
     origin: str
     settings: str
     cost: str
+    bias_limit_dps: float | None
+
+
+@dataclass(frozen=True)
+class Contender(Described):
+    """An algorithm that runs on samples."""
+
     estimate: Callable[[Samples], Estimate]
-    bias_limit_dps: float | None = None
 
 
 def contenders(only: Sequence[str] = ()) -> tuple[Contender, ...]:
@@ -63,11 +69,11 @@ def contenders(only: Sequence[str] = ()) -> tuple[Contender, ...]:
 def _published(one: Published) -> Contender:
     limit_dps = one.bias_limit_dps(imported(one))
     return Contender(
-        one.name, one.origin, one.settings, one.cost, lambda samples: Estimate(vertical_of(one.run(samples))), limit_dps
+        one.name, one.origin, one.settings, one.cost, limit_dps, lambda samples: Estimate(vertical_of(one.run(samples)))
     )
 
 
 def _system(name: str) -> Contender:
     part, budget = systems.load(name, COMPARE), declarations.system(name).cycles
     cost = "no budget declared" if budget is None else f"at most {budget} cycles (plumb bench)"
-    return Contender(name, f"plumb {installed().version}", f"tuning {part.TUNING_NAME}", cost, part.estimate)
+    return Contender(name, f"plumb {installed().version}", f"tuning {part.TUNING_NAME}", cost, None, part.estimate)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from plumb.analyses.comparison.contenders import Contender
+from plumb.analyses.comparison.contenders import Described
 from plumb.analyses.comparison.table import Compared, Means, Row
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Table
 
@@ -26,13 +26,15 @@ SIGMA = (
 )
 
 
-def tables(results: Sequence[Compared], algorithms: Sequence[Contender]) -> list[Table]:
+def tables(results: Sequence[Compared], algorithms: Sequence[Described]) -> list[Table]:
     """The means of every input, what the algorithms say of their own error, a table of each input by recording, and
     what was run."""
     names = [one.name for one in algorithms]
     means = [[one.input.name, one.input.title, *(_mean(one, name) for name in names)] for one in results]
     note = " ".join([MEASURE, *_outside(results, algorithms)])
     found = [Table("Mean tilt error (deg)", ["input", "", *names], means, note)]
+    if any(one.flown for one in results):
+        found.append(_ends(results, names))
     if stated := _sigmas(results, names):
         head = ["input", "algorithm", "sigma (deg)", "error (deg)", "sigma / error", "errors above 3 sigma"]
         found.append(Table("Sigma against error", head, stated, SIGMA))
@@ -54,7 +56,7 @@ NONE = "-"
 """Of a system that cannot have the period of the input."""
 
 
-def _outside(results: Sequence[Compared], algorithms: Sequence[Contender]) -> list[str]:
+def _outside(results: Sequence[Compared], algorithms: Sequence[Described]) -> list[str]:
     return [
         f"{one.input.name}: {'; '.join(why.values())}." for one in results if (why := one.input.outside(algorithms))
     ]
@@ -75,6 +77,16 @@ def _sigmas(results: Sequence[Compared], names: Sequence[str]) -> list[list[str]
                 told = f"{found.sigma_deg:.3f}", f"{found.rmse_deg:.3f}", f"{ratio:.2f}", f"{share:.2f} %"
                 rows.append([one.input.name, name, *told])
     return rows
+
+
+def _ends(results: Sequence[Compared], names: Sequence[str]) -> Table:
+    rows = []
+    for one in results:
+        ends = {end.algorithm: f"{end.crashes} / {end.restarts} of {end.flights}" for end in one.flown}
+        if ends:
+            rows.append([one.input.name, *(ends.get(name, NONE) for name in names)])
+    title = "Flights that crashed / in which the estimator began again"
+    return Table(title, ["input", *names], rows, "A flight is scored until it crashes.")
 
 
 def _cell(row: Row | None) -> str:
@@ -102,9 +114,9 @@ def plots(result: Compared) -> list[Plot]:
     ]
 
 
-def to_json(results: Sequence[Compared], algorithms: Sequence[Contender]) -> dict[str, object]:
+def to_json(results: Sequence[Compared], algorithms: Sequence[Described]) -> dict[str, object]:
     """For programs: {"algorithms": [...], "inputs": [{"input", "title", "decimate", "grade", "outside", "means_deg",
-    "rows"}]}."""
+    "rows", of a flight "flown"}]}."""
     return {
         "algorithms": [
             {"name": one.name, "origin": one.origin, "settings": one.settings, "cost": one.cost} for one in algorithms
@@ -120,6 +132,7 @@ def to_json(results: Sequence[Compared], algorithms: Sequence[Contender]) -> dic
                     each.name: asdict(found) for each in algorithms if (found := one.means(each.name)) is not None
                 },
                 "rows": [asdict(row) for row in one.rows],
+                **({"flown": [asdict(end) for end in one.flown]} if one.flown else {}),
             }
             for one in results
         ],

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from plumb.analyses.comparison.contenders import Contender
+from plumb.analyses.comparison.contenders import Contender, Described
 from plumb.analyses.comparison.grades import GRADES
 from plumb.analyses.comparison.samples import Estimate, Motion, Samples, error_deg
 from plumb.errors import UsageError
@@ -43,7 +43,7 @@ class Input:
     count: int
     bias_dps: float = 0.0
 
-    def outside(self, algorithms: Sequence[Contender]) -> dict[str, str]:
+    def outside(self, algorithms: Sequence[Described]) -> dict[str, str]:
         """Algorithm -> why this input lies outside what it can learn."""
         found = {}
         for one in algorithms:
@@ -109,19 +109,29 @@ class Trace:
 
 
 @dataclass(frozen=True)
+class Flown:
+    """How an algorithm's flights ended: crashed, and begun again by the estimator, of so many."""
+
+    algorithm: str
+    crashes: int
+    restarts: int
+    flights: int
+
+
+@dataclass(frozen=True)
 class Compared:
-    """Rows of one input. traces: of the first input alone."""
+    """Rows of one input. traces: of the first input alone. flown: of a flight, one of every algorithm."""
 
     input: Input
     rows: tuple[Row, ...]
     traces: tuple[Trace, ...]
+    flown: tuple[Flown, ...] = ()
 
     def means(self, algorithm: str) -> Means | None:
         """None for an algorithm that cannot have the period of one of the recordings."""
         own = [row for row in self.rows if row.algorithm == algorithm]
-        if len(own) < max(
-            sum(row.algorithm == name for row in self.rows) for name in {row.algorithm for row in self.rows}
-        ):
+        counts = [sum(row.algorithm == name for row in self.rows) for name in {row.algorithm for row in self.rows}]
+        if not own or (len(own) < max(counts) and not self.flown):
             return None
         sigma = [row.sigma_deg for row in own if row.sigma_deg is not None]
         beyond = [row.beyond_3_sigma for row in own if row.beyond_3_sigma is not None]

@@ -1,0 +1,55 @@
+"""`attitude` in flight, for `plumb compare --flights`: the integers of the native core, an instance a run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.boards import native_core
+from plumb.physics.airframe import Airframe
+from plumb.physics.imu import ImuGrade
+from plumb.spec import declarations
+from plumb.spec.arrays import FloatArray
+from plumb.spec.records import Words
+from plumb.systems.attitude import scenarios
+from plumb.tuning.quantise import quantise
+
+TUNING_NAME = scenarios.DEFAULT_TUNING
+THRUST, FULL_Q15 = "thrust", 32767
+"""The command word that tells the step what the rotors were told, if the system declares it."""
+RESTARTED = "RESTARTED"
+
+
+class Runs:
+    """The estimators of all runs."""
+
+    def __init__(self, grade: ImuGrade, period_us: int, runs: int) -> None:
+        system = declarations.system("attitude")
+        tuning = replace(scenarios.TUNINGS[TUNING_NAME], period_us=period_us, gyro=grade.gyro, accel=grade.accel)
+        self._core = native_core.Controllers(quantise(tuning), runs)
+        self._told = [command.name for command in system.step_commands] == [THRUST]
+        flags = [flag.name for flag in system.flags]
+        self._restarted = 1 << flags.index(RESTARTED) if RESTARTED in flags else 0
+        self._again = np.zeros(runs, np.bool_)
+        self._words: Words | None = None
+
+    def step(self, counts: npt.NDArray[np.int16], thrust: FloatArray) -> FloatArray:
+        if self._told:
+            counts = np.hstack([counts, np.rint(FULL_Q15 * thrust).astype(np.int16)[:, None]])
+        self._words = words = self._core.step(counts)
+        self._again |= (words["flags"] & self._restarted) != 0
+        return np.stack([words[f"up_q30_{axis}"] for axis in range(3)], 1) / 2.0**30
+
+    def sigma_deg(self) -> FloatArray | None:
+        assert self._words is not None, "sigma is that of a step"
+        return np.degrees(np.sqrt(self._words["tilt_variance_rad2_q32"] / 2.0**32))
+
+    def restarts(self) -> int:
+        return int(self._again.sum())
+
+
+def begin(grade: ImuGrade, _frame: Airframe, period_us: int, runs: int) -> Runs:
+    """The estimators before the first step."""
+    return Runs(grade, period_us, runs)

@@ -1,0 +1,109 @@
+"""Quadrotors by their numbers.
+
+    hummingbird   RotorS (ETH Zurich), rotors_description/urdf/hummingbird.xacro: body 0.68 kg and four rotors of 9 g
+    iris          PX4, PX4-SITL_gazebo-classic models/iris/iris.sdf.jinja: body 1.5 kg, sensor 15 g, four rotors of 5 g
+
+Assumed of both: drag of the frame (CdA, and how far above the centre it acts), legs, and the thrust that a command
+makes. Axes of the body: x to the front, y to the left, z up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from plumb.spec.arrays import FloatArray
+
+G_MPS2 = 9.80665
+AIR_KGPM3 = 1.2
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Airframe:
+    """rotors_m: where they are; spin: +1 of a rotor that turns counter-clockwise seen from above, else -1. A rotor at w
+    rad/s pushes up with thrust * w^2, is turned back with moment_m times that, drags by rotor_drag * w * speed across
+    its axis, and rolls by rolling_moment * w * speed about the direction of that speed."""
+
+    mass_kg: float
+    inertia_kgm2: Point
+    rotors_m: tuple[Point, Point, Point, Point]
+    spin: tuple[float, float, float, float]
+    thrust_ns2: float
+    moment_m: float
+    speed_max_radps: float
+    rotor_drag_kg: float
+    rolling_moment_kgm: float
+    lag_up_s: float = 0.0125
+    lag_down_s: float = 0.025
+    drag_area_m2: float = 0.012
+    drag_above_m: float = 0.03
+    leg_out_m: float = 0.12
+    leg_down_m: float = 0.08
+
+    @property
+    def weight_n(self) -> float:
+        return self.mass_kg * G_MPS2
+
+    @property
+    def thrust_max_n(self) -> float:
+        """Of all four rotors with a full battery."""
+        return 4.0 * self.thrust_ns2 * self.speed_max_radps**2
+
+    @property
+    def hover_radps(self) -> float:
+        """Speed of each rotor in a hover."""
+        return float(np.sqrt(self.weight_n / (4.0 * self.thrust_ns2)))
+
+    @property
+    def drag_per_s(self) -> float:
+        """Rotor drag by mass in a hover, 1/s: a slow horizontal speed decays with it."""
+        return 4.0 * self.rotor_drag_kg * self.hover_radps / self.mass_kg
+
+    def allocation(self) -> FloatArray:
+        """Thrusts of the rotors in N to total thrust in N and torque about x, y, z in N m, (4, 4)."""
+        x, y, _ = np.array(self.rotors_m).T
+        # A rotor is turned back by the air: the body turns against its spin.
+        return np.stack([np.ones(4), y, -x, -self.moment_m * np.array(self.spin)])
+
+
+HUMMINGBIRD = Airframe(
+    mass_kg=0.68 + 4 * 0.009,
+    inertia_kgm2=(0.007, 0.007, 0.012),
+    rotors_m=((0.17, 0.0, 0.01), (0.0, 0.17, 0.01), (-0.17, 0.0, 0.01), (0.0, -0.17, 0.01)),
+    spin=(-1.0, 1.0, -1.0, 1.0),
+    thrust_ns2=8.54858e-6,
+    moment_m=0.016,
+    speed_max_radps=838.0,
+    rotor_drag_kg=8.06428e-5,
+    rolling_moment_kgm=1e-6,
+)
+IRIS = Airframe(
+    mass_kg=1.5 + 0.015 + 4 * 0.005,
+    inertia_kgm2=(0.029125, 0.029125, 0.055225),
+    rotors_m=((0.13, -0.22, 0.023), (-0.13, 0.2, 0.023), (0.13, 0.22, 0.023), (-0.13, -0.2, 0.023)),
+    spin=(1.0, 1.0, -1.0, -1.0),
+    thrust_ns2=5.84e-6,
+    moment_m=0.06,
+    speed_max_radps=1100.0,
+    rotor_drag_kg=1.75e-4,
+    rolling_moment_kgm=1e-6,
+    leg_out_m=0.15,
+    leg_down_m=0.1,
+)
+AIRFRAMES = {"hummingbird": HUMMINGBIRD, "iris": IRIS}
+
+THRUST_SQUARE, THRUST_LINEAR = 0.6, 0.4
+"""Share of the largest thrust that a command u of 0 to 1 makes: 0.6 u^2 + 0.4 u (assumed; a battery at rest)."""
+
+
+def thrust_share(command: FloatArray) -> FloatArray:
+    return (THRUST_SQUARE * command + THRUST_LINEAR) * command
+
+
+def command_for(share: FloatArray) -> FloatArray:
+    """The command, 0 to 1, that makes a share of the largest thrust."""
+    limited = np.clip(share, 0.0, 1.0)
+    root = np.sqrt(THRUST_LINEAR**2 + 4.0 * THRUST_SQUARE * limited)
+    return np.minimum((root - THRUST_LINEAR) / (2.0 * THRUST_SQUARE), 1.0)

@@ -1,0 +1,75 @@
+"""A gyro and an accelerometer with the errors of a part, many runs at once: true means in, raw counts out.
+
+    mpu6050           data sheet Rev. 3.4: 16 bits at +-2000 deg/s and +-16 g, accelerometer 400 ug/sqrt(Hz), gyro 0.005
+    adxl345_itg3205   data sheets Rev. G and Rev. 1.0: 256 counts/g, 14.375 counts per deg/s; 290 ug and 0.03 deg/s
+
+Assumed of both, after a calibration at home: bias of the gyro 1 deg/s an axis, its sign drawn, and N(0.5 deg/s) more as
+it warms up with a time constant of 30 s; scale N(1 %), misalignment N(0.7 %), offset of the accelerometer N(2 mg) an
+axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.spec.arrays import FloatArray
+from plumb.spec.tuning import Channel
+
+DRAWS = 18
+WARM_UP_S = 30.0
+"""Numbers that the errors of one run take, unit normal."""
+
+
+@dataclass(frozen=True)
+class ImuGrade:
+    """Noise densities one-sided; errors of the axes as the head of this file says."""
+
+    gyro: Channel
+    accel: Channel
+    gyro_noise_dps: float
+    accel_noise_g: float
+    bias_dps: float = 1.0
+    warm_up_dps: float = 0.5
+    scale: float = 0.01
+    misalignment: float = 0.007
+    offset_g: float = 0.002
+
+
+MPU6050 = ImuGrade(Channel(0.0, 1.0 / 16.4, -32767, 32767), Channel(0.0, 1.0 / 2048.0, -32767, 32767), 0.005, 400e-6)
+TWO_CHIPS = ImuGrade(Channel(0.0, 1.0 / 14.375, -28750, 28750), Channel(0.0, 1.0 / 256.0, -4096, 4095), 0.03, 290e-6)
+IMU_GRADES = {"mpu6050": MPU6050, "adxl345_itg3205": TWO_CHIPS}
+
+
+class Imu:
+    """The sensors of all runs, read every period_s."""
+
+    def __init__(self, grade: ImuGrade, drawn: FloatArray, period_s: float) -> None:
+        """drawn: unit normal numbers for the errors, (DRAWS, runs)."""
+        self.grade = grade
+        runs = drawn.shape[1]
+        matrix = grade.misalignment * drawn[:9].reshape(3, 3, runs)
+        for axis in range(3):
+            matrix[axis, axis] = 1.0 + grade.scale * drawn[4 * axis]
+        self._matrix = matrix
+        self.bias_dps = grade.bias_dps * np.where(drawn[9:12] < 0.0, -1.0, 1.0)
+        self._warm_up_dps = grade.warm_up_dps * drawn[15:18]
+        self._offset_g = grade.offset_g * drawn[12:15]
+        per_sample = np.sqrt(0.5 / period_s)
+        self._gyro_noise, self._accel_noise = grade.gyro_noise_dps * per_sample, grade.accel_noise_g * per_sample
+
+    def counts(
+        self, time_s: float, rate_dps: FloatArray, force_g: FloatArray, white: FloatArray
+    ) -> npt.NDArray[np.int16]:
+        """Of the mean rate and specific force since the sample before, (3, runs); time_s: since power came; white: unit
+        noise, (6, runs). -> (runs, 6)."""
+        bias = self.bias_dps - self._warm_up_dps * np.expm1(-time_s / WARM_UP_S)
+        rate = (self._matrix * rate_dps).sum(axis=1) + bias + self._gyro_noise * white[:3]
+        force = force_g + self._offset_g + self._accel_noise * white[3:]
+        found = np.empty((rate.shape[1], 6), np.int16)
+        for part, values, channel in ((0, rate, self.grade.gyro), (3, force, self.grade.accel)):
+            limited = np.clip(np.rint(values / channel.unit_per_count), channel.min_counts, channel.max_counts)
+            found[:, part : part + 3] = limited.T
+        return found

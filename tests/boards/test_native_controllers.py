@@ -1,0 +1,38 @@
+"""Runs side by side in the native core are the runs that they would be alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from plumb.boards import native_core
+from plumb.systems.attitude import scenarios as attitude
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import ControlParams, quantise
+
+Counts = npt.NDArray[np.int16]
+STEPS, RUNS = 400, 3
+
+
+def attitude_runs() -> tuple[ControlParams, Counts]:
+    runs = [attitude.scenario("hand", seed, seconds=2.0) for seed in range(RUNS)]
+    return quantise(runs[0].fit(attitude.TUNINGS["standard"])), np.stack([run.counts() for run in runs], -1)
+
+
+def quad_runs() -> tuple[ControlParams, Counts]:
+    runs = [quad.scenario("motion", seed, seconds=8.0) for seed in range(RUNS)]
+    return quantise(quad.TUNINGS[quad.DEFAULT_TUNING]), np.stack([run.counts() for run in runs], -1)
+
+
+@pytest.mark.parametrize("given", [attitude_runs, quad_runs])
+def test_each_run_is_the_one_it_would_be_alone(given: Callable[[], tuple[ControlParams, Counts]]) -> None:
+    params, counts = given()
+    alone = native_core.run_control(params, counts, np.zeros((len(counts), RUNS), np.int32))
+    together = native_core.Controllers(params, RUNS)
+    assert len(counts) >= STEPS
+    for step in range(STEPS):
+        words = together.step(counts[step].T)
+        assert np.array_equal(words.record, alone.record[step]), step
