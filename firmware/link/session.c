@@ -338,7 +338,7 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     check_injected(s);
     arming_poll(&s->arming, arming_blocked(s, s->run.links.owner), now_us);
     issue_keepalive(s, now_us);
-    setpoint_poll(&s->run.setpoint, session_armed(s), session_driving(s), now_us);
+    setpoint_poll(&s->run.setpoint, session_armed(s), session_driving(s), s->run.step, now_us);
     send_news(s, now_us);
     send_words(s);
     send_long_replies(s, now_us);

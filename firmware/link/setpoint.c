@@ -74,11 +74,15 @@ void setpoint_receive(setpoint_t *s, int32_t turn_q32) {
     s->waiting = true;
 }
 
-/* Whatever disarmed the board, its setpoint ends there. Commands begin anew with arming, too: a setpoint that
- * is not 0 keeps the board from arming. */
-static void end_with_arming(setpoint_t *s, bool armed) {
-    if (s->armed && !armed && !is_neutral(s)) {
-        become_neutral(s);
+/* Whatever disarmed the board, its setpoint ends there, and so does one that is still on its way: it carries
+ * the number of the next step at most, since the STEP of that one tells the source. Commands begin anew with
+ * arming, too: a setpoint that is not 0 keeps the board from arming. */
+static void end_with_arming(setpoint_t *s, bool armed, uint16_t next_step) {
+    if (s->armed && !armed) {
+        setpoint_number(s, next_step);
+        if (!is_neutral(s)) {
+            become_neutral(s);
+        }
     }
 #if CONTROL_COMMANDS_MAX > 0U
     if (!s->armed && armed) {
@@ -88,8 +92,8 @@ static void end_with_arming(setpoint_t *s, bool armed) {
     s->armed = armed;
 }
 
-void setpoint_poll(setpoint_t *s, bool armed, bool driving, uint32_t now_us) {
-    end_with_arming(s, armed);
+void setpoint_poll(setpoint_t *s, bool armed, bool driving, uint16_t next_step, uint32_t now_us) {
+    end_with_arming(s, armed, next_step);
     if (s->heard || !driving) {
         s->heard = false;
         s->heard_us = now_us;

@@ -2,9 +2,9 @@
  *
  * While the actuator is driven, a source that is silent for SETPOINT_SILENCE_US counts as lost, and the
  * setpoint becomes 0; so it does when the board disarms. In real time a setpoint counts when it carries a
- * newer step number than the last one that counted, and one that the source can have heard within
- * SETPOINT_SILENCE_US: what repeats recorded setpoints is silence. Setpoints are in the system's unit, turn
- * Q32 for an angle. Times are in us of the board's clock, modulo 2^32. */
+ * newer step number than the last one that counted and than the last step that was armed, and one that the
+ * source can have heard within SETPOINT_SILENCE_US: what repeats recorded setpoints is silence. Setpoints are
+ * in the system's unit, turn Q32 for an angle. Times are in us of the board's clock, modulo 2^32. */
 #ifndef PLUMB_LINK_SETPOINT_H
 #define PLUMB_LINK_SETPOINT_H
 
@@ -20,8 +20,8 @@ typedef struct {
     bool heard;            /* one that counts was received since the last poll */
     bool timed_out;        /* set to 0 by the time-out, and not reported yet */
     bool armed;            /* at the last poll */
-    bool numbered;         /* real time: one has counted in this run */
-    uint16_t number;       /* real time: step number of the last one that counted */
+    bool numbered;         /* real time: one has counted, or an arming has ended, in this run */
+    uint16_t number;       /* real time: step number of the last one that counted, or of the next step then */
     uint16_t steps_since;  /* real time: steps since then, at most UINT16_MAX */
     uint32_t heard_us;     /* last poll at which one had been received, or the actuator was not driven */
 #if CONTROL_COMMANDS_MAX > 0U
@@ -34,7 +34,7 @@ void setpoint_begin(setpoint_t *s, const control_system_t *system);
 
 typedef enum {
     SETPOINT_COUNTS,
-    SETPOINT_REPEATED, /* the step number of the last one that counted */
+    SETPOINT_REPEATED, /* the number of the last one that counted, or of the step that ended an arming */
     SETPOINT_OLD, /* an older number, or more than SETPOINT_SILENCE_US old, or one that is still to come */
 } setpoint_age_t;
 
@@ -54,7 +54,7 @@ static inline void setpoint_copy_commands(const setpoint_t *s, int16_t raw[PLUMB
 /* How a step number that came with a setpoint in real time compares. next_step: of the run. */
 setpoint_age_t setpoint_age(const setpoint_t *s, uint16_t number, uint16_t next_step, uint32_t period_us);
 
-/* Note the number of a setpoint that counts. */
+/* Note the number of a setpoint that counts: only newer ones count from here on. */
 void setpoint_number(setpoint_t *s, uint16_t number);
 
 /* Reason (MESSAGE_NACK_REASON_*) why the setpoint of step `number` cannot be used with the commands that came
@@ -72,8 +72,8 @@ static inline uint16_t setpoint_refused(const setpoint_t *s, uint16_t number, ui
 void setpoint_receive(setpoint_t *s, int32_t turn_q32);
 
 /* Call on every turn of the loop: applies the time-out and the end of arming. driving: the actuator may
- * move. */
-void setpoint_poll(setpoint_t *s, bool armed, bool driving, uint32_t now_us);
+ * move. next_step: of the run. */
+void setpoint_poll(setpoint_t *s, bool armed, bool driving, uint16_t next_step, uint32_t now_us);
 
 /* Call after a step in real time: sends SETPOINT_USED to the source's link when a setpoint was received,
  * timed out or ended since the last report. step: number of that step. */

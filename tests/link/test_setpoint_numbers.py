@@ -137,6 +137,27 @@ def test_old_and_coming_numbers_are_refused_by_name(driven: Drive, link: str) ->
 
 
 @pytest.mark.parametrize("link", LINKS)
+def test_a_setpoint_on_its_way_while_the_board_disarms_does_not_act_afterwards(driven: Drive, link: str) -> None:
+    """It had stayed for ever: an unarmed board waits for no setpoint, and its host says none any more."""
+    board = driven(link)
+    session = board.session
+    session.set_setpoint(STEER)
+    listen(session, 0.5)
+    late = session.setpoint_frames(2 * STEER)
+    board.board.sensors(faults=1)
+    board.board.run_us(3000)
+    assert not board.board.armed
+    board.used.clear()
+    session.frames.write_frames(late)
+    listen(session, 0.3)
+    assert [said["setpoint"] for _, said in board.used] == [0]
+    session.set_setpoint(0)
+    session.setpoint.say(STEER, repeats=False)  # said after the end was heard: an unarmed run has setpoints, too
+    listen(session, 0.1)
+    assert [said["setpoint"] for _, said in board.used][-1] == STEER
+
+
+@pytest.mark.parametrize("link", LINKS)
 def test_the_clock_wraps_while_armed(driven: Drive, link: str) -> None:
     """After 71.6 minutes: nothing is let go, and nothing is held beyond its time."""
     board = driven(link, time_us=(1 << 32) - 2_500_000)

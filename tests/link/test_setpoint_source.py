@@ -100,7 +100,6 @@ def test_silence_counts_only_while_the_actuator_may_move(machine: Machine) -> No
     reports = flying(session, hold_ms=500)
     session.disarm()
     session.set_setpoint(STEER)
-    session.setpoint.stop()  # from here on it is not repeated
     listen(session, 0.5)
     with pytest.raises(LinkError, match="the setpoint is not 0"):
         session.arm(ready_wait_s=0.0)

@@ -96,6 +96,11 @@ class Page:
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=key)
 
+    def close(self) -> None:
+        """Close the window, as a person does; nothing if it is closed."""
+        with contextlib.suppress(RuntimeError, TypeError, ConnectionError):
+            self.call("Page.close")
+
     def picture(self, width: int, height: int) -> bytes:
         """The page in light colours as PNG, at a width and a height in pixels."""
         light = [{"name": "prefers-color-scheme", "value": "light"}]

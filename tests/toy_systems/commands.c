@@ -59,7 +59,7 @@ static setpoint_t with_gain(int16_t gain) {
     receive(&s, 0, gain, 0);
     CHECK(setpoint_refused(&s, 0, 0) == 0U);
     setpoint_receive(&s, 0);
-    setpoint_poll(&s, false, false, 0);
+    setpoint_poll(&s, false, false, 0, 0);
     return s;
 }
 
@@ -89,26 +89,26 @@ static void limits(void) {
 static void silence(void) {
     setpoint_t s = with_gain(2);
 
-    setpoint_poll(&s, true, true, 0);
+    setpoint_poll(&s, true, true, 0, 0);
     receive(&s, 1, 2, 1);
     setpoint_receive(&s, 0);
-    setpoint_poll(&s, true, true, 1000U);
-    setpoint_poll(&s, true, true, 1000U + SETPOINT_SILENCE_US);
+    setpoint_poll(&s, true, true, 0, 1000U);
+    setpoint_poll(&s, true, true, 0, 1000U + SETPOINT_SILENCE_US);
     CHECK(gain_of(&s) == 2 && !s.timed_out);
-    setpoint_poll(&s, true, true, 1001U + SETPOINT_SILENCE_US);
+    setpoint_poll(&s, true, true, 0, 1001U + SETPOINT_SILENCE_US);
     CHECK(gain_of(&s) == 1 && s.timed_out);
 }
 
 static void arming(void) {
     setpoint_t s = with_gain(2);
 
-    setpoint_poll(&s, true, false, 1U);
+    setpoint_poll(&s, true, false, 0, 1U);
     CHECK(gain_of(&s) == 1); /* the board was armed: commands begin anew */
     receive(&s, 1, 3, 1);
     setpoint_receive(&s, 0);
-    setpoint_poll(&s, true, true, 2U);
+    setpoint_poll(&s, true, true, 0, 2U);
     CHECK(gain_of(&s) == 3);
-    setpoint_poll(&s, false, false, 3U);
+    setpoint_poll(&s, false, false, 0, 3U);
     CHECK(gain_of(&s) == 1);
 }
 

@@ -110,7 +110,7 @@ class Arming:
         self._seen = self._seen or steps_say_armed
         late = not self._seen and session.listening.total_s - self._armed_s > SEEN_S
         if late or (self._seen and not steps_say_armed):
-            self.disarm(session, "the board disarmed itself; Health says why")
+            self.disarm(session, f"the board disarmed itself{session.listening.unread_text}; Health says why")
 
     def disarm(self, session: Session, why: str) -> None:
         """Disarm, whoever armed."""

@@ -29,7 +29,7 @@ from plumb.cockpit.setpoint import StepTest, setpoint_of
 from plumb.errors import LinkError, PlumbError, UsageError
 from plumb.link import monitor, parameter_table
 from plumb.link.identity import NackError
-from plumb.link.realtime import Capture
+from plumb.link.realtime import Capture, SetpointReports
 from plumb.link.selection import RAW_FRAMES, selectable
 from plumb.link.session import Session
 from plumb.spec import declarations
@@ -46,6 +46,9 @@ FIRST_STATUS_S = 1.0
 SPEED_OVER_S = 1.0
 IDLE_S = 0.5
 """A board that says so for this long has no run on."""
+FOREIGN_S = 0.12
+"""A board that names another run than the cockpit's for this long has one: TIME comes every 50 ms, and the last one of
+the run before may come after the begin of the next."""
 REOPEN_S = 1.0
 """Pause between two tries to open a board whose link was lost."""
 NOTES_KEPT = 50
@@ -107,7 +110,7 @@ class BoardLoop:
         self._arming = Arming(hold, self.note)
         self._own_run = False
         self._words: list[int] = []
-        self._learnt, self._idle_s = 0, 0.0
+        self._learnt, self._idle_s, self._own_s = 0, 0.0, 0.0
         self._test: StepTest | None = None
         self._result: object = None
         self._questions = Questions()
@@ -226,6 +229,8 @@ class BoardLoop:
         session = self._session
         self._learn(capture)
         self._notice_end(session)
+        if self._capture is not capture:
+            return
         if self.recording.state["on"]:
             capture.ask_for_table()
         self._comparison.follow(capture, session.counters.lost + session.frames.rejected, now_s)
@@ -237,14 +242,21 @@ class BoardLoop:
             self._test, self._result = None, done.get("result")
             self.note(str(done["text"]))
         if not self._own_run and samples.is_over(capture):
-            self._open_run(self._words, selectable(session.system), samples.period_s, JOINED)
+            self._open_run(self._words, selectable(session.system), samples.period_s, joined=True)
 
     def _notice_end(self, session: Session) -> None:
-        """Notice that the board is idle although the run was not ended here: it was restarted, or another host ended
-        the run. Nothing begins by itself then."""
-        idle = session.telemetry.get("STATUS", {}).get("mode", 1) == 0
-        self._idle_s = self._idle_s if idle else session.listening.total_s
-        if self._own_run and session.listening.total_s - self._idle_s > IDLE_S:
+        """Notice that the run of the cockpit is over although it was not ended here: the board was restarted, or
+        another host ended the run or began one. Nothing begins by itself then."""
+        now_s, idle = session.listening.total_s, session.telemetry.get("STATUS", {}).get("mode", 1) == 0
+        foreign = session.telemetry.get("TIME", {}).get("run_tag", 0) not in (0, session.run_tag)
+        self._idle_s = self._idle_s if idle else now_s
+        self._own_s = self._own_s if foreign else now_s
+        if self._own_run and now_s - self._own_s > FOREIGN_S:
+            self._test = None
+            self._arming.over("another host has begun a run")
+            self.note("the run ended: another host has begun one")
+            self._join()
+        elif self._own_run and now_s - self._idle_s > IDLE_S:
             self._own_run, self._test = False, None
             self._arming.over("the run ended")
             self.note("the run ended: the board was restarted, or another host ended it; New run begins another one")
@@ -261,7 +273,8 @@ class BoardLoop:
         """The setpoint that the board's newest step used, as it says itself; None while that is not known."""
         if self._capture is None:
             return None
-        return 0.0 if idle else self._capture.setpoints.changes[-1][1] * scale
+        used = 0 if idle else self._capture.setpoints.newest
+        return None if used is None else used * scale
 
     # ---- runs ----
 
@@ -304,12 +317,15 @@ class BoardLoop:
         self._open_run(words, frames, period_us * 1e-6)
         self._session.begin("REALTIME_LIVE", frames=frames)
         self._own_run, self._idle_s = True, self._session.listening.total_s
+        self._own_s = self._idle_s
         self.note(f"run {self._runs} of {self._session.system} began, disarmed")
 
-    def _open_run(self, words: list[int], frames: tuple[str, ...], period_s: float, why_not: str = "") -> None:
+    def _open_run(self, words: list[int], frames: tuple[str, ...], period_s: float, *, joined: bool = False) -> None:
         raw = tuple(set(RAW_FRAMES).intersection(frames))
         self._runs += 1
-        self._capture, self._learnt = Capture(self._session, raw_frames=raw), 0
+        why_not = JOINED if joined else ""
+        reports = SetpointReports(from_begin=not joined)
+        self._capture, self._learnt = Capture(self._session, raw_frames=raw, setpoints=reports), 0
         if not why_not and not raw:
             why_not = "the link has no room for the raw counts at this period: nothing can be compared"
         if not why_not and len(words) != len(table()):
@@ -325,7 +341,7 @@ class BoardLoop:
         self._words = self._session.read_parameters()
         self._own_run = False
         period_s = by_name(self._words)["period_us"] * 1e-6
-        self._open_run(self._words, selectable(self._session.system), period_s, JOINED)
+        self._open_run(self._words, selectable(self._session.system), period_s, joined=True)
         self.note("the cockpit listens to the runs of others")
 
     # ---- orders ----

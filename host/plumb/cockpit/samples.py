@@ -169,15 +169,15 @@ class Samples:
             return float(self._time_s[(self.rows - 1) % ROWS_KEPT]) if self.rows else 0.0
 
 
-def _by_step(capture: Capture, begin: int, end: int) -> list[int]:
-    """The setpoint that each of these steps used."""
-    changes = capture.setpoints.changes
+def _by_step(capture: Capture, begin: int, end: int) -> list[float]:
+    """The setpoint that each of these steps used; NaN where it is not known."""
+    changes, known = capture.setpoints.changes, capture.setpoints.from_begin
     at = next((index for index in range(len(changes) - 1, 0, -1) if changes[index][0] <= begin), 0)
-    found = []
+    found = list[float]()
     for step in range(begin, end):
         while at + 1 < len(changes) and changes[at + 1][0] <= step:
             at += 1
-        found.append(changes[at][1])
+        found.append(changes[at][1] if at or known else math.nan)
     return found
 
 

@@ -34,12 +34,19 @@ class SetpointReports:
     """The setpoints of a run from its SETPOINT_USED frames.
 
     changes: (step, value) pairs, with the first step that used the value. doubt: the first step whose setpoint is not
-    known, because a report was lost. count: reports received.
+    known, because a report was lost. count: reports received. from_begin: the run was heard from its begin, which has
+    the setpoint 0; otherwise its setpoint is unknown until the first report.
     """
 
     changes: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0)])
     doubt: int | None = None
     count: int = 0
+    from_begin: bool = True
+
+    @property
+    def newest(self) -> int | None:
+        """The setpoint that the newest report names; None while it is not known."""
+        return self.changes[-1][1] if self.from_begin or self.count else None
 
     def note(self, said: dict[str, int], last: int) -> None:
         """Record a report; one that does not follow from the one before shows that a report was lost. last: step that

@@ -25,14 +25,21 @@ class SaidSetpoint:
         self.neutral: tuple[int, ...] = ()
         self._protocol = protocol
         self._sent_number: int | None = None
+        self._ended_at: int | None = None
         self._sent_s = 0.0
         self._step, self._time = protocol["STEP"], protocol["TIME"]
 
     def begin(self, neutral: tuple[int, ...] = ()) -> None:
         """A run has begun: its setpoint is 0, and its commands are neutral."""
         self.neutral = neutral
-        self.next_step, self._sent_number = 0, None
+        self.next_step, self._sent_number, self._ended_at = 0, None, None
         self.stop()
+
+    def end(self) -> None:
+        """An arming has ended, and its setpoint with it. The board takes none with the number of the next step at that
+        time, which may be one more than this host knows: the next setpoint waits for a newer number."""
+        self.stop()
+        self._ended_at = self.next_step
 
     def stop(self) -> None:
         """Say nothing any more."""
@@ -65,7 +72,9 @@ class SaidSetpoint:
     def due(self, now_s: float, *, armed: bool) -> bool:
         """Whether to send it now: it waits for a new number that has come, or it is time to repeat it."""
         if self.waits:
-            return self.next_step != self._sent_number
+            if self._ended_at is not None and self.next_step - self._ended_at & 0xFFFF > 1:
+                self._ended_at = None
+            return self._ended_at is None and self.next_step != self._sent_number
         return armed and self.repeats and self.moves and now_s - self._sent_s >= SETPOINT_EVERY_S
 
     def sent(self, now_s: float) -> None:

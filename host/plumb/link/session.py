@@ -193,7 +193,7 @@ class Session:
         self.setpoint.follow(frames)
         values = self.holding.follow(frames, self.run_tag)
         if armed and not self.armed:
-            self.setpoint.stop()
+            self.setpoint.end()
         if values and (self.consent is None or self.consent()):
             number = self.holding.number
             self.send([self.frame("KEEPALIVE", number, value) for value in values])
@@ -202,7 +202,7 @@ class Session:
     def _let_go(self) -> None:
         """This session orders the end of its arming."""
         self.holding.release()
-        self.setpoint.stop()
+        self.setpoint.end()
 
     def _setpoint_due(self) -> list[Frame]:
         """The setpoint, where it waits for a step that has come, or that of an armed board is to be repeated."""

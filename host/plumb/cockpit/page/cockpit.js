@@ -1,7 +1,7 @@
 // The page of the cockpit: what is shown of a state and when it is drawn, and what is pressed.
 
 import { anglesOf, attitudeOf, drawBody, drawHorizon } from "./attitude.js";
-import { showControl } from "./control.js";
+import { setpointMoved, showControl } from "./control.js";
 import { byId, setText } from "./dom.js";
 import { showAnswer, showHealth, showLog } from "./health.js";
 import { Link } from "./link.js";
@@ -185,4 +185,7 @@ for (const button of document.querySelectorAll("[data-do]")) {
   const what = button.dataset.do;
   button.addEventListener("click", () => (ORDERS[what] ?? (() => link.order({ do: what })))());
 }
-byId("setpoint-value").addEventListener("input", () => link.order({ do: "setpoint", value: Number(byId("setpoint-value").value) }));
+byId("setpoint-value").addEventListener("input", () => {
+  setpointMoved();
+  link.order({ do: "setpoint", value: Number(byId("setpoint-value").value) });
+});

@@ -42,7 +42,13 @@ export function showControl(said) {
   showResult(said.result);
 }
 
-// The value beside the slider is the board's own: what its newest step used.
+const HAND_MS = 1000;
+let movedAt = -Infinity;
+
+// The slider was moved by hand: for a while it does not follow the board.
+export function setpointMoved() { movedAt = performance.now(); }
+
+// The value beside the slider is the board's own: what its newest step used. The slider follows it.
 function showSetpoint({ unit, most, used }, usable, test) {
   const slider = byId("setpoint-value"), size = byId("step-size");
   if (slider.max !== String(most)) {
@@ -50,7 +56,7 @@ function showSetpoint({ unit, most, used }, usable, test) {
     size.value = most / 6;
     document.querySelector("#setpoint .unit").textContent = ` ${unit} `;
   }
-  if (!usable || test) slider.value = used ?? 0;
+  if (!usable || test || performance.now() - movedAt > HAND_MS) slider.value = used ?? 0;
   slider.disabled = !usable;
   setText(byId("setpoint-shown"), used === null ? "unknown" : `${fixed(used, 2)} ${unit}`);
 }
