@@ -8,7 +8,7 @@ from plumb.boards import open_link_board
 from plumb.errors import LinkError
 from plumb.link import monitor
 from plumb.link.listening import LATEST, BoardWait, Listening
-from plumb.link.monitor import EVERY_S, SILENCE_S
+from plumb.link.monitor import EVERY_S, SILENCE_S, require_heard
 from plumb.link.session import Session
 
 
@@ -84,6 +84,35 @@ def test_a_wait_for_a_board_whose_time_stands_still_ends(clock: Clock) -> None:
     assert not wait.over(3.0)
     clock.now_s += 0.1
     assert wait.over(3.0) and BoardWait({}, clock).over(0.0)
+
+
+@pytest.mark.parametrize(("speed", "slowness"), [(1.0, 1.0), (0.1, 10.0), (2.0, 1.0), (0.01, LATEST)])
+def test_a_board_that_is_simulated_slowly_is_given_its_own_time(clock: Clock, speed: float, slowness: float) -> None:
+    listening = Listening(clock)
+    assert listening.slowness == 1.0
+    time_us = 0xFFFFFFFF - 120_000  # its clock begins anew in between
+    for _ in range(10):
+        listening.board_says(time_us & 0xFFFFFFFF)
+        read(listening, clock, 0.05 / speed, 0.05 / speed, brought=True)
+        time_us += 50_000
+        clock.now_s += 3.0  # what this process did not listen to is no slowness of the board
+    assert listening.slowness == pytest.approx(slowness)
+    listening.board_says(5)  # restarted
+    assert listening.slowness == 1.0
+
+
+def test_a_slow_board_falls_silent_in_its_own_time() -> None:
+    with open_link_board("virtual") as board:
+        session = board.session
+        for time_us in (0, 100_000):
+            session.listening.board_says(time_us)
+            session.listening.total_s += 0.5
+        session.listening.board_says(200_000)
+        session.listening.quiet_s = 4.9 * SILENCE_S
+        require_heard(session)
+        session.listening.quiet_s = 5.1 * SILENCE_S
+        with pytest.raises(LinkError, match="fell silent"):
+            require_heard(session)
 
 
 def test_what_this_process_did_not_read_is_told(clock: Clock) -> None:

@@ -15,6 +15,8 @@ no read ever waits, is not let wait for ever."""
 UNREAD_S = 0.03
 """A link that was left unread for longer may have cost an armed board its keep-alive: of its values, which live 40 ms
 from their issue and come every 10 ms, the answers are late then."""
+RESTARTED_S = 60.0
+"""A clock of the board that goes on by more from one TIME to the next, which come every 50 ms, began anew."""
 SHORTEST_S = 1e-6
 """Less than this is nothing: it may vanish in the rounding of a sum."""
 
@@ -28,6 +30,8 @@ class Listening:
         self.clock = clock
         self.total_s = self.quiet_s = self.unread_s = 0.0
         self._end_s = clock()
+        self._last_us: int | None = None
+        self._first_s = self._board_s = self._took_s = 0.0
 
     def note(self, asked_s: float, begin_s: float, brought: bool) -> None:
         """A read has ended. asked_s: the longest wait that was asked for; begin_s: when it began; brought: whether it
@@ -37,6 +41,21 @@ class Listening:
         waited_s = max(0.0, min(self._end_s - begin_s, asked_s))
         self.total_s += waited_s
         self.quiet_s = 0.0 if brought else self.quiet_s + waited_s
+
+    def board_says(self, time_us: int) -> None:
+        """TIME has come: the board's clock is at this count."""
+        passed_s = 0.0 if self._last_us is None else (time_us - self._last_us & 0xFFFFFFFF) * 1e-6
+        if self._last_us is None or passed_s > RESTARTED_S:
+            self._first_s, self._board_s = self.total_s, 0.0
+        else:
+            self._board_s += passed_s
+        self._last_us, self._took_s = time_us, self.total_s - self._first_s
+
+    @property
+    def slowness(self) -> float:
+        """How many seconds of listening a second of the board has taken, 1 to LATEST. A board that is simulated at a
+        tenth of real time sends nothing for ten times as long, and is not silent."""
+        return min(max(1.0, self._took_s / self._board_s), LATEST) if self._board_s > 0.0 else 1.0
 
     @property
     def unread_text(self) -> str:

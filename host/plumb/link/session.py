@@ -236,6 +236,8 @@ class Session:
             kept = self._kept.get(identifier)
             if kept is not None:
                 self.telemetry[kept] = self.protocol[kept].decode(data)
+                if kept == "TIME":
+                    self.listening.board_says(self.telemetry[kept]["time"])
 
     # ---- requests ----
 
