@@ -87,8 +87,10 @@ static void numbers(void) {
     CHECK(!arming_keepalive(&a, 0U, value, NOW));                /* a host before version 3 as well, */
     CHECK(!arming_keepalive(&a, 2U, old, NOW));  /* and this is a value of the arming before */
     CHECK(arming_keepalive(&a, 2U, value, NOW)); /* none of them has used it up */
+    const uint32_t last = arming_issue(&a, &chance, NOW + KEEPALIVE_PERIOD_US);
     arming_disarm(&a, ARMING_BLOCK_COMMAND);
-    CHECK(a.number == 2U && !arming_keepalive(&a, 2U, arming_issue(&a, &chance, NOW), NOW));
+    CHECK(a.number == 2U && last != 0U && !arming_keepalive(&a, 2U, last, NOW + KEEPALIVE_PERIOD_US));
+    CHECK(arming_issue(&a, &chance, NOW + 2U * KEEPALIVE_PERIOD_US) == 0U);
 }
 
 static void hold(void) {
@@ -109,8 +111,12 @@ static void hold(void) {
         arming_poll(&a, 0U, now_us);
         CHECK(arming_driving(&a));
     }
-    arming_disarm(&a, ARMING_BLOCK_COMMAND);
+    CHECK(arming_arm(&a, 0U, hold_us, now_us)); /* anew while it drives: the hold begins again */
     CHECK(!arming_driving(&a));
+    arming_poll(&a, 0U, now_us + hold_us);
+    CHECK(arming_driving(&a));
+    arming_disarm(&a, ARMING_BLOCK_COMMAND);
+    CHECK(!arming_driving(&a) && a.armed.word != ARMING_ARMED && a.driving.word != ARMING_DRIVING);
 }
 
 /* Seen open, then closed, each for long enough; returns when. */
@@ -129,11 +135,16 @@ static uint32_t close_switch(arming_t *a) {
 static void handle(void) {
     arming_t a;
     arming_init(&a, 0x12345678U);
+    CHECK(arming_arm(&a, 0U, hold_us, NOW));
+    const uint32_t value = arming_issue(&a, &chance, NOW); /* of a host that armed before */
+    arming_disarm(&a, ARMING_BLOCK_COMMAND);
     uint32_t now_us = close_switch(&a);
     arming_try_switch(&a, GONE, hold_us, now_us);
     CHECK(!arming_armed(&a));
     arming_try_switch(&a, ARMING_BLOCKS_HOST, hold_us, now_us + ARMING_SWITCH_TRY_US);
-    CHECK(arming_armed(&a) && a.by_switch); /* what concerns a host alone is not in its way */
+    CHECK(arming_armed(&a) && a.by_switch);             /* what concerns a host alone is not in its way */
+    CHECK(!arming_keepalive(&a, a.number, value, NOW)); /* nor does one hold it */
+    CHECK(arming_issue(&a, &chance, now_us + ARMING_SWITCH_TRY_US) == 0U);
     CHECK(!arming_switch(&a, false, now_us + ARMING_SWITCH_TRY_US + 1U));
     CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_SWITCH); /* the first look that finds it open */
 

@@ -71,6 +71,8 @@ def test_opening_disarms_with_the_next_turn_and_ends_the_run(new_board: NewBoard
 
 def test_a_bouncing_contact_neither_arms_nor_arms_again(new_board: NewBoard) -> None:
     board = ready_board(new_board)
+    with Session.open(board) as session:
+        session.upload(CONTROL, period_us=500)  # a run that begins shows in its steps at once
     for _ in range(20):
         board.switch(True)
         board.run_us(DEBOUNCE_US // 2)
@@ -169,6 +171,22 @@ def test_a_host_may_look_on_and_may_stop_it(new_board: NewBoard) -> None:
         assert not board.armed
         board.run_us(500_000)
         assert not board.armed
+
+
+def test_a_host_that_leaves_its_run_to_the_switch_may_go(new_board: NewBoard) -> None:
+    """It began the run, the switch armed: its link does not hold the board, and does not disarm it."""
+    board = ready_board(new_board)
+    session = Session.open(board)
+    session.begin("REALTIME_LIVE")
+    board.switch(True)
+    board.run_us(DEBOUNCE_US + 2 * LOOK_US + READY_US)
+    assert board.armed
+    session.close()
+    board.run_us(500_000)
+    assert board.armed
+    board.switch(False)
+    board.turn()
+    assert not board.armed
 
 
 def test_the_host_hears_why_it_was_left(new_board: NewBoard) -> None:

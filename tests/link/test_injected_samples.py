@@ -178,7 +178,7 @@ def held(channel: int, count: int) -> Counts:
     return counts
 
 
-@pytest.mark.parametrize("period_us", [1000, 5000, 20_000])
+@pytest.mark.parametrize("period_us", [500, 1000, 2000, 5000, 20_000])
 @pytest.mark.parametrize(
     ("counts", "signal"),
     [
@@ -197,6 +197,18 @@ def test_a_dead_channel_disarms_by_name(period_us: int, counts: Counts, signal: 
     assert said["analog"] & signal == signal and said["injected"] == 1
     with pytest.raises(LinkError, match="injected channel"):
         source.session.arm()
+
+
+@pytest.mark.parametrize("period_us", [500, 5000, 20_000])
+@pytest.mark.parametrize("limit_ms", [20, 150])
+@pytest.mark.parametrize("counts", [held(0, 1676), held(0, 4095)], ids=["stuck", "high"])
+def test_whatever_an_armed_board_takes_as_limits_it_disarms_in_time(
+    period_us: int, limit_ms: int, counts: Counts
+) -> None:
+    """A longer stuck_ms or rail_ms is refused with ARM: tests/link/test_unsafe_parameters.py."""
+    source = Source(period_us, stuck_ms=limit_ms, rail_ms=limit_ms).armed()
+    source.until_disarmed(lambda: source.send(counts), NOTICED_US - FRAME_US - TURN_US)
+    assert source.cause() & (FAULT | IMPLAUSIBLE)  # while the filter's gain is high the innovation is found first
 
 
 def test_implausible_counts_disarm() -> None:

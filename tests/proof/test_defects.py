@@ -70,6 +70,20 @@ def test_rows_that_security_md_says_were_seen_to_fail_have_a_declared_defect() -
         assert names <= noticed, f"{promise}\nno declared defect turned {sorted(names - noticed)} red"
 
 
+def test_every_row_and_test_that_security_md_names_exists() -> None:
+    text = (ROOT / "docs/explanation/security.md").read_text("utf-8")
+    promises = text.partition("\n1. **")[2]
+    parts = re.findall(r"(?:Held by|Seen to fail:)((?:.|\n)*?)(?=Seen to fail|\n\d+\. \*\*|\n\n)", promises)
+    named = {name for part in parts for name in re.findall(r"`([^`]+)`", part)}
+    tests = {
+        name
+        for path in (ROOT / "tests").rglob("test_*.py")
+        for name in re.findall(r"(?m)^def (test_\w+)\(", path.read_text("utf-8"))
+    }
+    assert len(named) > 60 and sum(name in tests for name in named) >= 8
+    assert named - tests - {fault.name for fault in table.FAULTS} == set()
+
+
 @NO_TOOLS
 @pytest.mark.slow
 @pytest.mark.parametrize("defect", sample(), ids=lambda defect: defect.name)

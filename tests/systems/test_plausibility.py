@@ -111,11 +111,14 @@ def test_gyro_and_tilt_turn_together(sign: int) -> None:
 
 
 def test_what_is_missing_before_arming() -> None:
+    """0.3 s with a small innovation, then 0.3 s with nothing missing."""
     rows = records(100)
     failed, missing = checked(rows)
     assert not any(failed)
-    assert missing[0] & (SETTLING | CONVERGING) and missing[-1] == 0
-    assert missing.index(0) * STEP_S <= 0.7
+    converged = [bool(bits & CONVERGING) for bits in missing].index(False)
+    assert (converged + 1) * STEP_S == pytest.approx(0.3, abs=1.5 * STEP_S)
+    assert (missing.index(0) - converged) * STEP_S == pytest.approx(0.3, abs=1.5 * STEP_S)
+    assert not any(missing[missing.index(0) :])
     for name, value, bit in (
         ("setpoint_turn_q32", 1, SETPOINT),
         ("tilt_turn_q32", round(-15.1 * DEG), TILTED),

@@ -13,9 +13,10 @@ from plumb.proof.faults.scene import Heard, Scene, arm
 from plumb.spec import parameters
 from plumb.spec.protocol import Frame, protocol
 
-IDLE, COMMAND = 1 << 1, 1 << 6
+COMMAND = 1 << 6
 EVERY_S = 0.002
 SETTLED_S = 0.3
+ANSWERED_S = 0.35
 OTHER_VERSION = 99
 FOREIGN_SETPOINT = 1 << 29
 """An eighth of a turn."""
@@ -95,6 +96,20 @@ def foreign_keepalives(scene: Scene) -> None:
     for frame in scene.recorded("KEEPALIVE")[-16:]:
         stranger.send_raw(WireFrame(*frame))
         scene.run(0.005)
+
+
+def foreign_answers(scene: Scene) -> None:
+    """The owner is silent; another node answers each value of the board at once, with the number of the arming."""
+    number, value = scene.session.holding.number, protocol()["KEEPALIVE_VALUE"]
+    scene.host_alive = False
+    stranger = Stranger(scene, greeted=True)
+    end_s, seen = scene.now_s + ANSWERED_S, 0
+    while scene.now_s < end_s:
+        new, seen = scene.heard[seen:], len(scene.heard)
+        for heard in new:
+            if heard.identifier == value.identifier:
+                stranger.send("KEEPALIVE", number, value.unpack(heard.data)[3])
+        scene.run(EVERY_S)
 
 
 def foreign_arming(scene: Scene) -> None:
@@ -296,12 +311,14 @@ FAULTS = (
           setpoints_without_greeting, "held", (refused("GREETING"),), prepare=steered_from_can, holds=True),
     Fault("foreign-keepalives", "frames", "the host is silent, a node on CAN sends its last keep-alives",
           foreign_keepalives, "silence", (_SILENCE,), prepare=recorded),
+    Fault("foreign-answers", "frames", "the host is silent, a node on CAN answers the values meant for it",
+          foreign_answers, "silence", (_SILENCE,)),
     Fault("foreign-arming", "frames", "EXECUTE ARM from a node on CAN, with guessed nonces and one of its own",
           foreign_arming, "held", (refused("NONCE"),), prepare=disarmed, holds=True),
     Fault("foreign-parameters", "frames", "PARAM_SET and PARAM_COMMIT from a node on CAN", foreign_parameters, "held",
-          ((refused("BUSY"), refused("OWNER")),), holds=True),
+          (refused("OWNER"),), holds=True),
     Fault("foreign-run", "frames", "RUN_BEGIN from a greeted node on CAN", foreign_run, "command",
-          (Told("EVENTS", "disarm_cause", IDLE | COMMAND),)),
+          (Told("EVENTS", "disarm_cause", COMMAND),)),
     Fault("foreign-disarm", "frames", "DISARM from a node on CAN that greeted nobody", foreign_disarm, "command",
           (Told("EVENTS", "disarm_cause", COMMAND),)),
     Fault("odd-can-frames", "frames", "extended, remote and short CAN frames with identifiers of ours", odd_can_frames,
