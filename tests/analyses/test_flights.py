@@ -78,6 +78,20 @@ def test_the_mixer_makes_the_thrust_and_the_torque_that_are_asked_for(frame: Air
     assert pushed[1, 0] > 0.0
 
 
+def test_a_told_drag_reaches_the_estimator(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[float] = []
+
+    def begin(_grade: ImuGrade, frame: Airframe, _period_us: int, runs: int) -> Flown:
+        told.append(frame.drag_told_per_s)
+        return Fixed((0.0, 0.0, 1.0), runs, [])
+
+    noting = Estimator("noting", "test", "", "", None, begin)
+    monkeypatch.setitem(FLIGHTS, "iris", short("iris", 0.1))
+    inputs.flown("iris", [1000], [noting], lambda _: None)
+    inputs.flown("iris", [1000], [noting], lambda _: None, 0.4)
+    assert told == [0.5, 0.4]
+
+
 def test_commands_stay_within_their_range() -> None:
     cascade = Cascade(HUMMINGBIRD, 1, 0.0025)
     up, wanted = np.array([[0.0], [0.0], [1.0]]), np.array([[1.0], [0.0], [0.0]])
@@ -184,3 +198,5 @@ def test_flights_are_rows_of_the_comparison(
     assert "Flights that crashed / in which the estimator began again" in capsys.readouterr().out
     assert front.main(["compare", "--flights", "--motions"]) == 2
     assert "--flights stands alone" in capsys.readouterr().err
+    assert front.main(["compare", "--flights", "--drag-told", "-1"]) == 2
+    assert "--drag-told belongs to --flights" in capsys.readouterr().err

@@ -30,9 +30,10 @@ def quad_runs() -> tuple[ControlParams, Counts]:
 @pytest.mark.parametrize("given", [attitude_runs, quad_runs])
 def test_each_run_is_the_one_it_would_be_alone(given: Callable[[], tuple[ControlParams, Counts]]) -> None:
     params, counts = given()
-    alone = native_core.run_control(params, counts, np.zeros((len(counts), RUNS), np.int32))
+    setpoints = np.arange(len(counts) * RUNS, dtype=np.int32).reshape(-1, RUNS)
+    alone = native_core.run_control(params, counts, setpoints)
     together = native_core.Controllers(params, RUNS)
     assert len(counts) >= STEPS
     for step in range(STEPS):
-        words = together.step(counts[step].T)
+        words = together.step(counts[step].T, setpoints[step])
         assert np.array_equal(words.record, alone.record[step]), step

@@ -261,9 +261,11 @@ class Controllers:
         for control in self._memory:
             self._core.plumb_control_init(_pointer(control), _pointer(self._params))
 
-    def step(self, raw: npt.NDArray[np.int16]) -> Words:
-        """The words of this step, (runs,). raw: (runs, inputs), or the first of them (`System.whole_inputs`)."""
+    def step(self, raw: npt.NDArray[np.int16], setpoint: npt.ArrayLike = 0) -> Words:
+        """The words of this step, (runs,). raw: (runs, inputs), or the first of them (`System.whole_inputs`); setpoint:
+        one, or (runs,)."""
         self._inputs[:, : raw.shape[1]] = raw
+        self._setpoints[:] = setpoint
         self._core.plumb_control_each(
             _pointer(self._memory), _pointer(self._params), _pointer(self._inputs), _pointer(self._setpoints),
             len(self._record), _pointer(self._record),

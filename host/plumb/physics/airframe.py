@@ -24,7 +24,8 @@ Point = tuple[float, float, float]
 class Airframe:
     """rotors_m: where they are; spin: +1 of a rotor that turns counter-clockwise seen from above, else -1. A rotor at w
     rad/s pushes up with thrust * w^2, is turned back with moment_m times that, drags by rotor_drag * w * speed across
-    its axis, and rolls by rolling_moment * w * speed about the direction of that speed."""
+    its axis, and rolls by rolling_moment * w * speed about the direction of that speed. drag_told_per_s: what an
+    estimator that uses the drag is told; more than drag_per_s, because the frame drags, too."""
 
     mass_kg: float
     inertia_kgm2: Point
@@ -39,6 +40,7 @@ class Airframe:
     lag_down_s: float = 0.025
     drag_area_m2: float = 0.012
     drag_above_m: float = 0.03
+    drag_told_per_s: float = 0.0
     leg_out_m: float = 0.12
     leg_down_m: float = 0.08
 
@@ -78,6 +80,7 @@ HUMMINGBIRD = Airframe(
     speed_max_radps=838.0,
     rotor_drag_kg=8.06428e-5,
     rolling_moment_kgm=1e-6,
+    drag_told_per_s=0.28,
 )
 IRIS = Airframe(
     mass_kg=1.5 + 0.015 + 4 * 0.005,
@@ -89,6 +92,7 @@ IRIS = Airframe(
     speed_max_radps=1100.0,
     rotor_drag_kg=1.75e-4,
     rolling_moment_kgm=1e-6,
+    drag_told_per_s=0.5,
     leg_out_m=0.15,
     leg_down_m=0.1,
 )

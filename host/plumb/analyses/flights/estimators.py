@@ -51,7 +51,8 @@ class FlownSystem(Protocol):
     def TUNING_NAME(self) -> str: ...
 
     def begin(self, grade: ImuGrade, frame: Airframe, period_us: int, runs: int, /) -> Flown:
-        """The estimators of so many runs before the first step. Raises UsageError for a period that it cannot have."""
+        """The estimators of so many runs before the first step; one that uses the drag of the rotors takes it as
+        `frame.drag_told_per_s`. Raises UsageError for a period that it cannot have."""
 
 
 FLIGHT = Part[FlownSystem]("flight", FlownSystem, without="no vehicle is flown on it", place="judging")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,10 +31,17 @@ def seconds(names: Sequence[str]) -> float:
 
 
 def flown(
-    name: str, seeds: Sequence[int], estimators: Sequence[Estimator], done: Callable[[float], object]
+    name: str,
+    seeds: Sequence[int],
+    estimators: Sequence[Estimator],
+    done: Callable[[float], object],
+    drag_told_per_s: float | None = None,
 ) -> Compared:
-    """One flight by all estimators. done: called with the seconds that were flown since the last call."""
+    """One flight by all estimators. done: called with the seconds that were flown since the last call;
+    drag_told_per_s: what an estimator that uses the drag is told, None: what suits the airframe."""
     flight = FLIGHTS[name]
+    if drag_told_per_s is not None:
+        flight = replace(flight, frame=replace(flight.frame, drag_told_per_s=drag_told_per_s))
     what = Input(name, flight.title, GRADE, 1, lambda: (), len(seeds), flight.grade.bias_dps)
     flights = fly(flight, seeds, estimators, done)
     rows = [row for at, seed in enumerate(seeds) for one in flights if (row := _row(name, one, at, seed)) is not None]

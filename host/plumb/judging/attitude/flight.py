@@ -17,8 +17,8 @@ from plumb.systems.attitude import scenarios
 from plumb.tuning.quantise import quantise
 
 TUNING_NAME = scenarios.DEFAULT_TUNING
-THRUST, FULL_Q15 = "thrust", 32767
-"""The command word that tells the step what the rotors were told, if the system declares it."""
+FULL_Q15 = 32767
+"""The setpoint that tells the step of full thrust."""
 RESTARTED = "RESTARTED"
 
 
@@ -29,16 +29,13 @@ class Runs:
         system = declarations.system("attitude")
         tuning = replace(scenarios.TUNINGS[TUNING_NAME], period_us=period_us, gyro=grade.gyro, accel=grade.accel)
         self._core = native_core.Controllers(quantise(tuning), runs)
-        self._told = [command.name for command in system.step_commands] == [THRUST]
         flags = [flag.name for flag in system.flags]
         self._restarted = 1 << flags.index(RESTARTED) if RESTARTED in flags else 0
         self._again = np.zeros(runs, np.bool_)
         self._words: Words | None = None
 
     def step(self, counts: npt.NDArray[np.int16], thrust: FloatArray) -> FloatArray:
-        if self._told:
-            counts = np.hstack([counts, np.rint(FULL_Q15 * thrust).astype(np.int16)[:, None]])
-        self._words = words = self._core.step(counts)
+        self._words = words = self._core.step(counts, np.rint(FULL_Q15 * thrust).astype(np.int32))
         self._again |= (words["flags"] & self._restarted) != 0
         return np.stack([words[f"up_q30_{axis}"] for axis in range(3)], 1) / 2.0**30
 
