@@ -50,31 +50,23 @@ static void transmit(void) {
     } while (count > 0u);
 
     can_frame_t frame;
-    while (session_frame_waits(&session) && board_can_room() && session_transmit_frame(&session, &frame)) {
+    while (board_can_room() && session_transmit_frame(&session, &frame)) {
         board_can_send(&frame);
     }
 }
 
-/* True when a step is due, with its sample: in lockstep when the host has sent one, in real time when the
- * timer ticks. */
-static bool take_sample(int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
-    switch (session_mode(&session)) {
-    case RUN_LOCKSTEP:
-        return session_next_sample(&session, raw, setpoint_turn_q32);
-    case RUN_REALTIME:
-        if (!board_take_tick()) {
-            return false;
-        }
-        if (!session_live(&session)) {
-            return session_next_sample(&session, raw, setpoint_turn_q32);
-        }
-        memset(raw, 0, PLUMB_RAW_MAX * sizeof raw[0]); /* counts that no sensor of the board gives */
-        board_read_sensors(raw);
-        session_live_inputs(&session, raw, setpoint_turn_q32);
-        return true;
-    default:
+/* True when a step is due, with its inputs: in lockstep when the host has sent a sample, in real time when
+ * the timer ticks. */
+static bool take_inputs(const session_orders_t *orders, int16_t raw[PLUMB_RAW_MAX],
+                        int32_t *setpoint_turn_q32) {
+    if (orders->mode == RUN_IDLE || (orders->mode == RUN_REALTIME && !board_take_tick())) {
         return false;
     }
+    if (orders->live) {
+        memset(raw, 0, PLUMB_RAW_MAX * sizeof raw[0]); /* counts that no sensor of the board gives */
+        board_read_sensors(raw);
+    }
+    return session_take_inputs(&session, raw, setpoint_turn_q32);
 }
 
 /* Writes the outputs of the last step to the actuator of the system. */
@@ -100,8 +92,7 @@ typedef char control_assert_sensors[(int)CONTROL_SENSORS_NONE == (int)BOARD_SENS
 
 /* Chooses the sensors of the system; none while samples come from the host. Neither this function nor the
  * next is inlined, so that their locals do not add to the stack of the rest of the loop. */
-__attribute__((noinline)) static void choose_sensors(void) {
-    const bool injected = session_mode(&session) != RUN_IDLE && !session_live(&session);
+__attribute__((noinline)) static void choose_sensors(bool injected) {
     const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE
                                                      : control_system(&params.control)->sensors,
                                     .oversample_log2 = params.adc_oversample_log2,
@@ -114,19 +105,24 @@ __attribute__((noinline)) static void choose_sensors(void) {
     board_use_sensors(&wanted);
 }
 
-__attribute__((noinline)) static void report_sensors(void) {
-    board_health_t health;
-    board_sensor_health(&health);
-    session_report_sensors(&session, &health);
+/* Tells the session how the board is; returns its faults (BOARD_FAULT_*). */
+__attribute__((noinline)) static uint32_t report(uint32_t now_us) {
+    session_report_t said; /* every member is set; an initialiser would clear the whole first */
+    said.faults = board_faults();
+    said.switch_closed = board_arm_switch();
+    said.can = board_can_health();
+    board_sensor_health(&said.sensors);
+    session_report(&session, &said, now_us);
+    return said.faults;
 }
 
 /* True when the last turn met the deadline, and an armed board has not missed a period. BOARD_FAULT_LATE
  * disarms the board: an image that is still armed then gets no watchdog feed, and so a reset. */
-static bool met_deadline(uint32_t now_us, uint32_t faults) {
+static bool met_deadline(uint32_t now_us, uint32_t faults, bool armed) {
     BOARD_GUARDED static uint32_t last_us;
     const uint32_t turn_us = now_us - last_us;
     last_us = now_us;
-    return turn_us <= DEADLINE_US && !(session_armed(&session) && (faults & BOARD_FAULT_LATE) != 0u);
+    return turn_us <= DEADLINE_US && !(armed && (faults & BOARD_FAULT_LATE) != 0u);
 }
 
 /* Sets pulse frame and neutral pulse from the parameters in use, and the outputs to neutral. */
@@ -149,28 +145,60 @@ __attribute__((noinline)) static void recover(void) {
     outputs = OUTPUTS_RESTING;
     const store_report_t saved = load_parameters();
     configure_actuator(); /* the damage may have hit the neutral pulse */
-    session_recover(&session, &buffers, board_identity(), &control, &params);
-    session_parameters_loaded(&session, &saved);
+    session_recover(&session, &buffers, board_identity(), &control, &params, &saved);
 }
 
 /* In lockstep nothing can be armed and the host compares every step, so the loop saves the time of checking
  * the memory that changes on every turn. The check word of the parameters stays, and is compared when the run
  * ends. */
-static void seal_memory(void) {
-    if (session_mode(&session) == RUN_LOCKSTEP) {
+static void seal_memory(run_mode_t mode) {
+    if (mode == RUN_LOCKSTEP) {
         board_memory_release();
     } else {
         board_memory_seal();
     }
 }
 
+/* Sets timer, actuator and sensors as the session orders. */
+static void obey(const session_orders_t *orders) {
+    if (orders->begun) {
+        board_set_period_us(0u);
+        configure_actuator();
+        board_clear_actuator_faults();
+        outputs = OUTPUTS_RESTING;
+    }
+    if (orders->driving && outputs == OUTPUTS_RESTING) {
+        board_arm_actuator();
+        outputs = 0u;
+    }
+    choose_sensors(orders->mode != RUN_IDLE && !orders->live);
+    board_set_period_us(orders->period_us);
+}
+
+/* Runs the steps that are due, at most as many as samples can wait: when ticks come faster than steps run,
+ * the loop must still come round to its checks. */
+static void run_steps(const session_orders_t *orders) {
+    int16_t raw[PLUMB_RAW_MAX];
+    int32_t setpoint_turn_q32;
+    for (unsigned i = 0u; i < RUN_QUEUE_LENGTH && take_inputs(orders, raw, &setpoint_turn_q32); i++) {
+        control_step(&control, &params.control, raw, setpoint_turn_q32);
+        if (orders->driving) {
+            actuate();
+        }
+        session_stepped(&session);
+    }
+    if (outputs != OUTPUTS_RESTING && !orders->driving) {
+        board_actuator_neutral();
+        outputs = OUTPUTS_RESTING;
+    }
+}
+
 void loop_start(void) {
     const store_report_t saved = load_parameters();
     board_init(&(board_setup_t){.pins = params.pins, .dead_time_ns = params.dead_time_ns});
-    session_init(&session, &buffers, board_identity(), &control, &params);
-    session_parameters_loaded(&session, &saved);
+    session_init(&session, &buffers, board_identity(), &control, &params, &saved);
     outputs = OUTPUTS_RESTING;
-    seal_memory();
+    board_memory_seal();
 }
 
 void loop_turn(void) {
@@ -179,49 +207,19 @@ void loop_turn(void) {
     }
     board_turn();
     const uint32_t now_us = board_now_us();
-    board_can_join(session_can_kbit(&session), messages_from_host, MESSAGES_FROM_HOST);
     receive(now_us);
-    const uint32_t faults = board_faults();
-    session_report_faults(&session, faults);
-    session_report_can(&session, board_can_health());
-    report_sensors();
-    session_report_switch(&session, board_arm_switch(), now_us);
+    const uint32_t faults = report(now_us);
     session_poll(&session, now_us);
-    if (met_deadline(now_us, faults)) {
+    const session_orders_t orders = session_take_orders(&session, now_us);
+    if (met_deadline(now_us, faults, orders.armed)) {
         board_feed_watchdog();
     }
-
-    if (session_pop_begin(&session)) {
-        board_set_period_us(0u);
-        configure_actuator();
-        board_clear_actuator_faults();
-        outputs = OUTPUTS_RESTING;
-    }
-    if (session_driving(&session) && outputs == OUTPUTS_RESTING) {
-        board_arm_actuator();
-        outputs = 0u;
-    }
-    choose_sensors();
-    board_set_period_us(session_mode(&session) == RUN_REALTIME ? session_period_us(&session) : 0u);
-
-    int16_t raw[PLUMB_RAW_MAX];
-    int32_t setpoint_turn_q32;
-    /* At most as many steps as samples can wait: when ticks come faster than steps run, the loop must still
-     * come round to its checks. */
-    for (unsigned i = 0u; i < RUN_QUEUE_LENGTH && take_sample(raw, &setpoint_turn_q32); i++) {
-        control_step(&control, &params.control, raw, setpoint_turn_q32);
-        if (session_driving(&session)) {
-            actuate();
-        }
-        session_stepped(&session);
-    }
-    if (outputs != OUTPUTS_RESTING && !session_driving(&session)) {
-        board_actuator_neutral();
-        outputs = OUTPUTS_RESTING;
-    }
+    board_can_join(orders.can_kbit, messages_from_host, MESSAGES_FROM_HOST);
+    obey(&orders);
+    run_steps(&orders);
     transmit();
-    if (session_bootloader_due(&session, now_us)) {
+    if (orders.bootloader) {
         board_enter_bootloader();
     }
-    seal_memory();
+    seal_memory(orders.mode);
 }

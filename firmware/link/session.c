@@ -12,34 +12,6 @@ bool session_armed(const session_t *s) {
     return arming_armed(&s->arming);
 }
 
-bool session_driving(const session_t *s) {
-    return arming_driving(&s->arming);
-}
-
-bool session_live(const session_t *s) {
-    return s->run.live;
-}
-
-run_mode_t session_mode(const session_t *s) {
-    return s->run.mode;
-}
-
-uint32_t session_period_us(const session_t *s) {
-    return s->params->period_us;
-}
-
-uint32_t session_can_kbit(const session_t *s) {
-    return s->routing.can_kbit;
-}
-
-int32_t session_setpoint(const session_t *s) {
-    return s->run.setpoint.turn_q32;
-}
-
-bool session_bootloader_due(const session_t *s, uint32_t now_us) {
-    return s->bootloader_asked && now_us - s->bootloader_us >= BOOTLOADER_AFTER_US;
-}
-
 /* ---- whether it may be armed ---- */
 
 /* Plausibility bounds of the system in use; NULL: nothing is checked. */
@@ -107,27 +79,19 @@ void session_link_lost(session_t *s, link_t link, uint16_t cause) {
     }
 }
 
-/* ---- what the board reports ---- */
+/* ---- a turn: what the board says, and what it has to do ---- */
 
-void session_parameters_loaded(session_t *s, const store_report_t *report) {
-    staging_loaded(&s->staging, report);
-}
-
-void session_report_faults(session_t *s, uint32_t faults) {
-    s->status.faults = faults | staging_faults(&s->staging);
-}
-
-void session_report_can(session_t *s, const board_can_health_t *health) {
-    s->status.can = health;
-}
-
-void session_report_sensors(session_t *s, const board_health_t *health) {
-    s->status.sensors = *health;
+void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
+    s->bootloader_asked = false;
+    run_begin(&s->run, run, links, control_system(&s->params->control));
+    telemetry_begin(&s->telemetry);
+    control_init(s->control, &s->params->control);
+    readiness_begin(&s->readiness);
 }
 
 /* Closing the switch while no run is on starts a live run of the system in use. That run ends when it is
  * disarmed, so that the next closing begins with a fresh state. */
-void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
+static void follow_switch(session_t *s, bool closed, uint32_t now_us) {
     if (!USED_ACTUATORS) {
         return;
     }
@@ -143,21 +107,30 @@ void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
     }
 }
 
+void session_report(session_t *s, const session_report_t *report, uint32_t now_us) {
+    s->status.faults = report->faults | staging_faults(&s->staging);
+    s->status.can = report->can;
+    s->status.sensors = report->sensors;
+    follow_switch(s, report->switch_closed, now_us);
+}
+
+session_orders_t session_take_orders(session_t *s, uint32_t now_us) {
+    return (session_orders_t){
+        .mode = s->run.mode,
+        .begun = run_pop_begin(&s->run),
+        .live = s->run.live,
+        .armed = arming_armed(&s->arming),
+        .driving = arming_driving(&s->arming),
+        .bootloader = s->bootloader_asked && now_us - s->bootloader_us >= BOOTLOADER_AFTER_US,
+        .period_us = s->run.mode == RUN_REALTIME ? s->params->period_us : 0U,
+        .can_kbit = s->routing.can_kbit,
+    };
+}
+
 /* ---- a run, step by step ---- */
 
-void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
-    s->bootloader_asked = false;
-    run_begin(&s->run, run, links, control_system(&s->params->control));
-    telemetry_begin(&s->telemetry);
-    control_init(s->control, &s->params->control);
-    readiness_begin(&s->readiness);
-}
-
-bool session_pop_begin(session_t *s) {
-    return run_pop_begin(&s->run);
-}
-
-bool session_next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
+/* The next injected sample: in lockstep one that waits, when its replies have room. */
+static bool next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
     const link_t pacer = run_pacer(&s->run);
 
     if (pacer != LINK_NONE &&
@@ -168,9 +141,13 @@ bool session_next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setp
     return true;
 }
 
-void session_live_inputs(const session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
+bool session_take_inputs(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
+    if (!s->run.live) {
+        return next_sample(s, raw, setpoint_turn_q32);
+    }
     *setpoint_turn_q32 = s->run.setpoint.turn_q32;
     setpoint_copy_commands(&s->run.setpoint, raw);
+    return true;
 }
 
 /* Flags of STEP. saturated: a raw count of that step was outside its range. */
@@ -233,10 +210,6 @@ void session_ask_bootloader(session_t *s, uint32_t now_us) {
 
 size_t session_transmit(session_t *s, uint8_t *out, size_t room) {
     return outbox_pop_text(s->routing.link[LINK_UART].outbox, out, room);
-}
-
-bool session_frame_waits(const session_t *s) {
-    return s->routing.link[LINK_CAN].outbox->count > 0;
 }
 
 bool session_transmit_frame(session_t *s, can_frame_t *frame) {
@@ -338,7 +311,7 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     check_injected(s);
     arming_poll(&s->arming, arming_blocked(s, s->run.links.owner), now_us);
     issue_keepalive(s, now_us);
-    setpoint_poll(&s->run.setpoint, session_armed(s), session_driving(s), s->run.step, now_us);
+    setpoint_poll(&s->run.setpoint, session_armed(s), arming_driving(&s->arming), s->run.step, now_us);
     send_news(s, now_us);
     send_words(s);
     send_long_replies(s, now_us);
@@ -349,7 +322,7 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
 
 /* Initialises everything but the buffers. */
 static void begin(session_t *s, session_buffers_t *buffers, const board_identity_t *board, control_t *control,
-                  params_t *params) {
+                  params_t *params, const store_report_t *saved) {
     memset(s, 0, sizeof *s);
     s->board = board;
     s->control = control;
@@ -360,16 +333,17 @@ static void begin(session_t *s, session_buffers_t *buffers, const board_identity
     run_init(&s->run, &buffers->run, random_next(&s->random));
     telemetry_init(&s->telemetry, buffers->digest);
     staging_init(&s->staging, &buffers->staged, params);
+    staging_loaded(&s->staging, saved);
     arming_init(&s->arming, random_next(&s->random));
     control_init(control, &params->control);
 }
 
 void session_init(session_t *s, session_buffers_t *buffers, const board_identity_t *board, control_t *control,
-                  params_t *params) {
+                  params_t *params, const store_report_t *saved) {
     memset(buffers, 0, sizeof *buffers);
     routing_buffers_init(&buffers->routing);
     commands_init(&buffers->commands, board->unique_id);
-    begin(s, buffers, board, control, params);
+    begin(s, buffers, board, control, params, saved);
 }
 
 /* A flag in damaged memory: its byte may be neither 0 nor 1, which is no bool. */
@@ -381,7 +355,7 @@ static bool damaged_flag(const bool *flag) {
 }
 
 void session_recover(session_t *s, session_buffers_t *buffers, const board_identity_t *board,
-                     control_t *control, params_t *params) {
+                     control_t *control, params_t *params, const store_report_t *saved) {
     bool open[LINKS];
     bool read_only[LINKS];
 
@@ -389,7 +363,7 @@ void session_recover(session_t *s, session_buffers_t *buffers, const board_ident
         open[i] = damaged_flag(&s->routing.link[i].open);
         read_only[i] = damaged_flag(&s->routing.link[i].read_only);
     }
-    begin(s, buffers, board, control, params);
+    begin(s, buffers, board, control, params, saved);
     /* The damage may have hit the UART's flag: its host is informed in any case. */
     routing_open(&s->routing, LINK_UART, true, read_only[LINK_UART]);
     routing_open(&s->routing, LINK_CAN, open[LINK_CAN], read_only[LINK_CAN]);

@@ -16,14 +16,13 @@
  *
  *     requests_receive()        bytes of the UART, at most requests_room()
  *     requests_receive_frame()  frames of CAN, while requests_frame_room()
- *     session_report_...()      faults, health, the arm switch
+ *     session_report()          what the board says of itself
  *     session_poll()            may disarm
- *     session_pop_begin()       a run began: set the timer to session_period_us(), the outputs to neutral
- *     per sample                from session_next_sample(), or live with session_setpoint(): control_step(),
- *                               actuate if session_driving(), session_stepped()
+ *     session_take_orders()     what the board has to do
+ *     per sample                session_take_inputs(), control_step(), actuate if driving, session_stepped()
  *     session_transmit()        text for the UART; session_transmit_frame() for CAN
  *
- * Whenever session_driving() is false the outputs are at neutral. */
+ * Unless the orders say driving, the outputs are at neutral. */
 #ifndef PLUMB_LINK_SESSION_H
 #define PLUMB_LINK_SESSION_H
 
@@ -72,52 +71,53 @@ typedef struct {
     uint32_t bootloader_us; /* when the bootloader was asked for */
 } session_t;
 
-/* Start from *params (valid; see params_default()) with both links closed, idle and disarmed. */
+/* What the board says of itself in a turn. */
+typedef struct {
+    uint32_t faults;    /* BOARD_FAULT_*; with one of SESSION_FAULTS_BLOCKING the next poll disarms */
+    bool switch_closed; /* the arm switch: closing it arms, opening it disarms (arming.h) */
+    const board_can_health_t *can; /* sent with the status; the caller keeps it */
+    board_health_t sensors;        /* the details of BOARD_FAULT_SENSOR, sent as SENSORS */
+} session_report_t;
+
+/* What the board has to do in a turn. */
+typedef struct {
+    run_mode_t mode;
+    bool begun; /* a run has begun: state, step number and digest are reset; true once for each */
+    bool live;  /* real time with the board's own sensors */
+    bool armed;
+    bool driving;       /* armed, and neutral was held long enough: the actuator may move */
+    bool bootloader;    /* enter the ROM bootloader: it was asked for, and the reply has had time to go out */
+    uint32_t period_us; /* of the timer; 0: it stands still */
+    uint32_t can_kbit;  /* of CAN: the parameter; a change waits until no host is connected over CAN */
+} session_orders_t;
+
+/* Start from *params (valid; see params_default()), loaded as *saved says, with both links closed, idle and
+ * disarmed. */
 void session_init(session_t *s, session_buffers_t *buffers, const board_identity_t *board, control_t *control,
-                  params_t *params);
+                  params_t *params, const store_report_t *saved);
 
 /* Start again after the memory of *s was damaged: like session_init(), but with ARMING_BLOCK_FAULT as the
  * cause of disarming. Kept are which links are open (the UART always), so that their hosts are informed, and
  * the frames that wait to be sent. */
 void session_recover(session_t *s, session_buffers_t *buffers, const board_identity_t *board,
-                     control_t *control, params_t *params);
+                     control_t *control, params_t *params, const store_report_t *saved);
 
 /* ---- for the main loop ---- */
 
-/* Report how *params were loaded; call after session_init() and session_recover(). */
-void session_parameters_loaded(session_t *s, const store_report_t *report);
+/* Take what the board says of itself: on every turn. */
+void session_report(session_t *s, const session_report_t *report, uint32_t now_us);
 
-/* Report the present board faults (BOARD_FAULT_*). With one of SESSION_FAULTS_BLOCKING the next poll disarms.
- */
-void session_report_faults(session_t *s, uint32_t faults);
-
-/* Report the state of the CAN controller, which is sent with the status. The caller keeps *health. */
-void session_report_can(session_t *s, const board_can_health_t *health);
-
-/* Report the present state of the sensors: the details of BOARD_FAULT_SENSOR, sent as SENSORS. */
-void session_report_sensors(session_t *s, const board_health_t *health);
-
-/* Report the arm switch: closing it arms, opening it disarms (arming.h). Call on every turn of the loop,
- * after session_report_faults(). */
-void session_report_switch(session_t *s, bool closed, uint32_t now_us);
-
-/* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop, at least once per
- * millisecond. */
+/* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop after session_report(), at
+ * least once per millisecond. */
 void session_poll(session_t *s, uint32_t now_us);
 
-/* True once after a run began (state, step number and digest are reset): set the timer to
- * session_period_us(). */
-bool session_pop_begin(session_t *s);
+/* What the board has to do, until the next poll. */
+session_orders_t session_take_orders(session_t *s, uint32_t now_us);
 
-/* The next injected sample. Lockstep: false until one is waiting and its replies have room. Real time,
- * injected: true on every tick; without a new sample the last one is held and counted. */
-bool session_next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32);
-
-/* The inputs of the next live step that a host sets: the setpoint, and behind the raw counts the commands. */
-void session_live_inputs(const session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32);
-
-/* Setpoint in use. */
-int32_t session_setpoint(const session_t *s);
+/* The inputs of the next step. Live: raw holds the counts of the sensors, the setpoint and the commands are
+ * added. Lockstep: false until a sample is waiting and its replies have room. Real time, injected: call on
+ * every tick; without a new sample the last one is held and counted. */
+bool session_take_inputs(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32);
 
 /* Call after control_step(): sends the digest and the selected words. */
 void session_stepped(session_t *s);
@@ -126,22 +126,10 @@ void session_stepped(session_t *s);
  * calls. */
 size_t session_transmit(session_t *s, uint8_t *out, size_t room);
 
-bool session_frame_waits(const session_t *s);
-
 /* Remove the next frame for CAN; false when none waits. */
 bool session_transmit_frame(session_t *s, can_frame_t *frame);
 
 bool session_armed(const session_t *s);
-bool session_driving(const session_t *s); /* armed, and neutral was held long enough: the actuator may move */
-bool session_live(const session_t *s);    /* real time with the board's own sensors */
-run_mode_t session_mode(const session_t *s);
-uint32_t session_period_us(const session_t *s);
-
-/* Bit rate for CAN: the parameter; a change waits until no host is connected over CAN. */
-uint32_t session_can_kbit(const session_t *s);
-
-/* True when the ROM bootloader was asked for and the reply has had time to go out. */
-bool session_bootloader_due(const session_t *s, uint32_t now_us);
 
 /* ---- for requests.c, which has checked nonce and permission ---- */
 

@@ -92,8 +92,8 @@ static void begin(study_t *s, uint32_t frame_us, uint32_t seed) {
     s->identity = (board_identity_t){.unique_id = {seed}};
     params_default(&s->params);
     s->params.esc_period_us = frame_us;
-    session_init(&s->session, &s->buffers, &s->identity, &s->control, &s->params);
-    session_report_switch(&s->session, false, s->now_us); /* the arm switch is open */
+    session_init(&s->session, &s->buffers, &s->identity, &s->control, &s->params, &(store_report_t){0});
+    session_report(&s->session, &(session_report_t){0}, s->now_us); /* the arm switch is open */
     say(s, MESSAGE_HELLO_ID, MESSAGES_PROTOCOL_VERSION, MESSAGES_DBC_HASH);
     say(s, MESSAGE_RUN_BEGIN_ID, run,
         nonce_issue(&s->session.nonce[LINK_CAN], &s->session.random, run, 0, s->now_us));
@@ -115,10 +115,12 @@ static void turn(study_t *s) {
     session_poll(&s->session, s->now_us);
     if (s->now_us - s->tick_us >= s->params.period_us) {
         /* Level and still, by the calibration of the default table. */
-        static const int16_t raw[PLUMB_RAW_MAX] = {1676, 2048, 3041};
+        int16_t raw[PLUMB_RAW_MAX] = {1676, 2048, 3041};
+        int32_t setpoint_turn_q32;
 
         s->tick_us = s->now_us;
-        control_step(&s->control, &s->params.control, raw, session_setpoint(&s->session));
+        (void)session_take_inputs(&s->session, raw, &setpoint_turn_q32);
+        control_step(&s->control, &s->params.control, raw, setpoint_turn_q32);
         session_stepped(&s->session);
     }
     while (session_transmit_frame(&s->session, &f)) {

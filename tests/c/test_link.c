@@ -179,13 +179,14 @@ static void check_session(void) {
 
     params_default(&params);
     CHECK(control_params_valid(&params.control));
-    session_init(&session, &buffers, &board, &control, &params);
+    session_init(&session, &buffers, &board, &control, &params, &(store_report_t){.found = STORE_NOTHING});
     requests_receive(&session, (const uint8_t *)"O\r", 2, now_us);
     session.routing.link[LINK_UART].greeted = true;
     for (unsigned n = 0; n < 200000; n++) {
         uint8_t bytes[SLCAN_FRAME_CHARS];
         int16_t raw[PLUMB_RAW_MAX] = {0};
         int32_t setpoint = 0;
+        bool begun = false;
         can_frame_t f = random_frame();
         size_t count = sizeof bytes;
 
@@ -208,12 +209,13 @@ static void check_session(void) {
 
             begin.id = MESSAGE_RUN_BEGIN_ID;
             requests_handle(&session, &(request_t){.frame = &begin, .link = LINK_UART, .now_us = now_us});
-            CHECK(session_pop_begin(&session));
+            begun = true;
         }
         session_poll(&session, now_us);
-        CHECK(!session_armed(&session)); /* no EXECUTE among them: its nonce would have to be guessed */
-        if (session_mode(&session) != RUN_IDLE &&
-            (session_live(&session) || session_next_sample(&session, raw, &setpoint))) {
+        const session_orders_t orders = session_take_orders(&session, now_us);
+        CHECK(orders.begun || !begun);
+        CHECK(!orders.armed && !orders.driving); /* no EXECUTE: its nonce would have to be guessed */
+        if (orders.mode != RUN_IDLE && session_take_inputs(&session, raw, &setpoint)) {
             control_step(&control, &params.control, raw, setpoint);
             session_stepped(&session);
             steps++;
