@@ -41,11 +41,11 @@ def test_the_wheel_serves_every_python_and_holds_images_and_vectors(built: Built
     } <= names
     assert {f"plumb/vectors/{name}.golden" for name in VECTORS} <= names
     assert {f"plumb/cockpit/page/{name}" for name, _ in ASSETS.values()} <= names
-    assert {"plumb/vectors/recipe.toml", "plumb/vectors/manifest.json"} <= names
+    assert {"plumb/vectors/quad.recipe.toml", "plumb/vectors/manifest.json"} <= names
     assert not {name for name in names if not name.startswith(("plumb/", "plumb_imu-"))}
     with tarfile.open(built.sdist) as sdist:
         inside = {name.partition("/")[2] for name in sdist.getnames()}
-    assert {"host/plumb/images/plumb.bin", "firmware/core/kalman.c", "tests/vectors/recipe.toml"} <= inside
+    assert {"host/plumb/images/plumb.bin", "firmware/core/kalman.c", "tests/vectors/quad.recipe.toml"} <= inside
     assert not {name for name in inside if name.startswith((".git/", "build/", "out/", "dist/", ".venv/"))}
 
 

@@ -18,13 +18,16 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "host"))
 
 from plumb.cli import verbs  # noqa: E402
+from plumb.spec import declarations  # noqa: E402
 
+SYSTEM = declarations.names()[0]
+"""The system that the examples take."""
 PAGES = ROOT / "docs" / "reference" / "commands"
 TRANSCRIPTS = {
-    "run": "plumb run quad --board native --open-loop --seed 7",
-    "golden": "plumb golden check --board native --system phone",
+    "run": f"plumb run {SYSTEM} --board native --open-loop --seed 7",
+    "golden": f"plumb golden check --board native --system {SYSTEM}",
     "params": "plumb params get pid.kp --board virtual",
-    "systems": "plumb systems --system phone",
+    "systems": f"plumb systems --system {SYSTEM}",
     "faults": "plumb faults --list 'can-*'",
     "bandwidth": "plumb bandwidth 4",
 }

@@ -104,12 +104,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     check = parser.parse_args().check
-    stale = [path for path, text in texts().items() if not path.exists() or path.read_text() != text]
-    for path in stale:
-        if not check:
-            path.write_text(texts()[path])
-        print(f"{path.relative_to(ROOT)} {'is stale: run tools/gen_tunings.py' if check else 'written'}")
-    return int(check and bool(stale))
+    wanted = texts()
+    stale = [path for path, text in wanted.items() if not path.exists() or path.read_text() != text]
+    gone = sorted({*HEADERS.glob("*_tunings.h"), *DESIGNS.glob("*_tunings.c")} - set(wanted))
+    for path in stale + gone:
+        if check:
+            print(f"{path.relative_to(ROOT)} is stale: run tools/gen_tunings.py")
+        elif path in wanted:
+            path.write_text(wanted[path])
+            print(f"{path.relative_to(ROOT)} written")
+        else:
+            path.unlink()
+            print(f"{path.relative_to(ROOT)} removed: no system has it")
+    return int(check and bool(stale + gone))
 
 
 if __name__ == "__main__":

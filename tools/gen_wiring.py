@@ -185,8 +185,12 @@ def generate() -> dict[str, str]:
 
 def main() -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
-    for name, content in generate().items():
+    drawn = generate()
+    for name, content in drawn.items():
         (FOLDER / name).write_text(content, encoding="utf-8")
+    for path in FOLDER.glob("*.svg"):
+        if path.name not in drawn:
+            path.unlink()  # of a system that is no more
 
 
 if __name__ == "__main__":

@@ -137,8 +137,8 @@ FORMATS: dict[str, tuple[str, Make, Read]] = {
     "answers": ("a.toml", lambda rng, _: hostile_files.toml(rng, 'write = true\nboard = "b"'), Answers),
     "recipe": (
         "recipe.toml",
-        lambda rng, _: hostile_files.toml(rng, (VECTORS / "recipe.toml").read_text(encoding="utf-8")),
-        golden_recipe.read,
+        lambda rng, _: hostile_files.toml(rng, golden_recipe.files(VECTORS)[0].read_text(encoding="utf-8")),
+        golden_recipe.read_file,
     ),
     "golden": ("a.golden", lambda rng, _: hostile_files.golden(rng, _vector()), Vector.read),
     "manifest": (

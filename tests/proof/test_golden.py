@@ -24,7 +24,7 @@ from plumb.spec.records import Words
 from support.campaigns import campaign
 
 FOLDER = Path(__file__).parents[1] / "vectors"
-ENTRIES = golden_recipe.read(FOLDER / golden.RECIPE)
+ENTRIES = golden_recipe.read(FOLDER)
 KINDS = {"native": {"step", "retune", "plausibility", "refusal"}, "qemu": {"step", "retune"}}
 """What each board can be asked; others steps alone."""
 SMALL = """
@@ -51,7 +51,7 @@ on_link = true
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made")
-    (folder / golden.RECIPE).write_text(SMALL)
+    (folder / golden_recipe.RECIPE).write_text(SMALL)
     golden.make(folder)
     return folder
 
@@ -265,6 +265,6 @@ def test_a_damaged_file_is_refused_in_a_sentence(small: Path, spoil: Any) -> Non
 @pytest.mark.parametrize("text", ["", "[[vector]]\nname = 'x'", SMALL.replace('wild = "steps"', 'wild = "mild"'),
                                   SMALL.replace('wild = "steps"', "")])  # fmt: skip
 def test_a_wrong_recipe_is_refused_in_a_sentence(tmp_path: Path, text: str) -> None:
-    (tmp_path / golden.RECIPE).write_text(text)
+    (tmp_path / golden_recipe.RECIPE).write_text(text)
     with pytest.raises(UsageError):
         golden.make(tmp_path)

@@ -53,7 +53,7 @@ steps = 30
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made")
-    (folder / golden.RECIPE).write_text(RECIPE)
+    (folder / golden_recipe.RECIPE).write_text(RECIPE)
     golden.make(folder)
     return folder
 
@@ -295,23 +295,23 @@ def test_copies_of_one_vector_are_refused(folder: Path, capsys: pytest.CaptureFi
 
 def test_one_recipe_entry_repeated_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     entry = RECIPE.split("[[vector]]")[1]
-    (folder / golden.RECIPE).write_text(("[[vector]]" + entry) * 55)
+    (folder / golden_recipe.RECIPE).write_text(("[[vector]]" + entry) * 55)
     assert "names one twice" in sentence(capsys, folder)
 
 
 def test_a_vector_missing_from_the_recipe_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / golden.RECIPE).write_text(RECIPE[: RECIPE.rindex("[[vector]]")])
+    (folder / golden_recipe.RECIPE).write_text(RECIPE[: RECIPE.rindex("[[vector]]")])
     assert "lacks two" in sentence(capsys, folder)
 
 
 def test_a_recipe_that_asks_for_less_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / golden.RECIPE).write_text(RECIPE.replace("steps = 30", "steps = 3"))
+    (folder / golden_recipe.RECIPE).write_text(RECIPE.replace("steps = 30", "steps = 3"))
     assert "does not list one as the recipe does" in sentence(capsys, folder)
 
 
 def test_other_inputs_with_right_digests_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A whole vector of the same name, parameters and length, but of another seed: only the manifest knows."""
-    entry = golden_recipe.read(folder / golden.RECIPE)[0]
+    entry = golden_recipe.read(folder)[0]
     (folder / "one.golden").write_bytes(golden.build(replace(entry, seed=99)).encode())
     assert "is not the file that manifest.json lists" in sentence(capsys, folder)
 
@@ -408,7 +408,7 @@ RECIPES = {
 @pytest.mark.parametrize("kind", RECIPES)
 def test_a_wrong_recipe_is_refused(folder: Path, kind: str, action: str, capsys: pytest.CaptureFixture[str]) -> None:
     old, new = RECIPES[kind]
-    (folder / golden.RECIPE).write_text(RECIPE.replace(old, new, -1 if old == "[[vector]]" else 1))
+    (folder / golden_recipe.RECIPE).write_text(RECIPE.replace(old, new, -1 if old == "[[vector]]" else 1))
     before = sorted(folder.parent.rglob("*"))
     code = front.main(["golden", action, "--vectors", str(folder)])
     out, err = capsys.readouterr()
@@ -417,9 +417,9 @@ def test_a_wrong_recipe_is_refused(folder: Path, kind: str, action: str, capsys:
 
 
 def test_a_recipe_that_is_no_text_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / golden.RECIPE).write_bytes(b"\xff\xfe" + RECIPE.encode())
+    (folder / golden_recipe.RECIPE).write_bytes(b"\xff\xfe" + RECIPE.encode())
     assert "recipe.toml is no text" in sentence(capsys, folder)
-    (folder / golden.RECIPE).write_text("#" * (golden_recipe.MAX_BYTES + 1))
+    (folder / golden_recipe.RECIPE).write_text("#" * (golden_recipe.MAX_BYTES + 1))
     assert "has more than 1 MiB" in sentence(capsys, folder)
 
 
@@ -449,7 +449,7 @@ def test_the_core_is_not_called_with_parameters_that_it_refuses() -> None:
 
 
 def test_the_manifest_lists_every_vector_of_the_recipe() -> None:
-    entries = golden_recipe.read(FOLDER / golden.RECIPE)
+    entries = golden_recipe.read(FOLDER)
     rows = golden_manifest.read(FOLDER)
     assert [row.name for row in rows] == [entry.name for entry in entries]
     assert all(row.describes(entry) for row, entry in zip(rows, entries, strict=True))

@@ -57,7 +57,7 @@ steps = 30
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("vectors")
-    (made / golden.RECIPE).write_text(RECIPE)
+    (made / "recipe.toml").write_text(RECIPE)
     golden.make(made)
     return made
 

@@ -22,7 +22,7 @@ from plumb.systems import run_tasks
 from plumb.systems.tasks import KINDS, Task
 
 FOLDER = Path(__file__).parents[1] / "vectors"
-ENTRIES = [entry for entry in golden_recipe.read(FOLDER / golden.RECIPE) if entry.kind != "step"]
+ENTRIES = [entry for entry in golden_recipe.read(FOLDER) if entry.kind != "step"]
 PORT = f"program:{sys.executable} {FOLDER.parents[1] / 'examples/golden/library.py'} {native_core.core_path()}"
 RECIPE = "".join(
     f'[[vector]]\nname = "{kind}"\nsystem = "quad"\ntuning = "adaptive"\nkind = "{kind}"\nwild = "steps"\nseed = 3\n'
@@ -34,7 +34,7 @@ RECIPE = "".join(
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made")
-    (folder / golden.RECIPE).write_text(RECIPE)
+    (folder / golden_recipe.RECIPE).write_text(RECIPE)
     golden.make(folder)
     return folder
 

@@ -58,9 +58,10 @@ def copy_tracked_files(tree: Path) -> None:
             (tree / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, tree / name)
     folder = tree / "tests" / "vectors"
-    head, *entries = (folder / "recipe.toml").read_text().split("[[vector]]\n")
-    kept = [entry for entry in entries if re.search(r'^name = "(\w+)"', entry, re.M)[1] in VECTORS]  # type: ignore[index]
-    (folder / "recipe.toml").write_text("[[vector]]\n".join([head, *kept]))
+    for recipe in folder.glob("*.recipe.toml"):
+        head, *entries = recipe.read_text().split("[[vector]]\n")
+        kept = [one for one in entries if re.search(r'^name = "(\w+)"', one, re.M)[1] in VECTORS]  # type: ignore[index]
+        recipe.write_text("[[vector]]\n".join([head, *kept]))
     manifest = json.loads((folder / "manifest.json").read_text())
     manifest["vectors"] = [row for row in manifest["vectors"] if row["name"] in VECTORS]
     (folder / "manifest.json").write_text(json.dumps(manifest))

@@ -279,7 +279,7 @@ def _step_of(elf: Image, system: str) -> Row:
     counter = Counter(elf, ["control_step"])
     driver = StepDriver(counter)
     steps = WILD_STEPS if declarations.system(system).cycles_mean is None else SPREAD_STEPS
-    for entry in golden_recipe.read(vectors_folder(None) / "recipe.toml", [system]):
+    for entry in golden_recipe.read(vectors_folder(None), [system]):
         params, raw, setpoint = entry.inputs()
         driver.run(params, raw[:steps], setpoint[:steps])
     own = systems.load(system)

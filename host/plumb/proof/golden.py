@@ -36,7 +36,6 @@ __all__ = [
     "vectors_folder", "verdict_of", "worst_of",
 ]  # fmt: skip
 
-RECIPE = "recipe.toml"
 WHOLE_BOARDS = ("fixed", "native", "qemu", "program")
 """Boards that run every vector of steps; the others run those marked `on_link`."""
 ASKED_BOARDS = ("fixed", "native", "program")
@@ -51,9 +50,11 @@ def vectors_folder(folder: Path | None = None) -> Path:
     own = [Path.cwd() / "tests/vectors", CHECKOUT / "tests/vectors", PACKAGE / "vectors"]
     candidates = [folder] if folder else own
     for candidate in candidates:
-        if (candidate / RECIPE).is_file():
+        if golden_recipe.files(candidate):
             return candidate
-    raise UsageError(f"{candidates[0]} holds no {RECIPE}; run from a checkout of plumb, or name the folder: --vectors")
+    raise UsageError(
+        f"{candidates[0]} holds no {golden_recipe.RECIPE}; run from a checkout of plumb, or name the folder: --vectors"
+    )
 
 
 def build(entry: golden_recipe.Entry) -> Vector:
@@ -70,7 +71,7 @@ def build(entry: golden_recipe.Entry) -> Vector:
 def make(folder: Path, systems: Sequence[str] | None = None) -> list[str]:
     """Write every vector of the recipe and the manifest; the same bytes every time. Returns a line for each vector."""
     lines, rows = [], {}
-    for entry in tqdm(golden_recipe.read(folder / RECIPE, systems), disable=None, leave=False, unit="vector"):
+    for entry in tqdm(golden_recipe.read(folder, systems), disable=None, leave=False, unit="vector"):
         vector = build(entry)
         path = folder / (vector.name + SUFFIX)
         data = vector.encode()
@@ -81,7 +82,7 @@ def make(folder: Path, systems: Sequence[str] | None = None) -> list[str]:
         lines.append(f"{path.name}: {len(vector.raw)} steps, {len(data)} bytes")
     if systems and (folder / golden_manifest.MANIFEST).exists():
         rows = {row.name: row for row in golden_manifest.read(folder)} | rows
-    names = [entry.name for entry in golden_recipe.read(folder / RECIPE)]
+    names = [entry.name for entry in golden_recipe.read(folder)]
     golden_manifest.write(folder, [rows[name] for name in names if name in rows])
     return lines
 
@@ -101,7 +102,7 @@ class Case:
 
 def cases(folder: Path, systems: Sequence[str] | None = None) -> list[Case]:
     """The cases of a check, in the recipe's order; raises UsageError unless recipe, manifest and files agree."""
-    entries = golden_recipe.read(folder / RECIPE, systems)
+    entries = golden_recipe.read(folder, systems)
     rows = golden_manifest.require(folder, entries, systems)
     return [_case(folder, entry, rows[entry.name]) for entry in entries]
 

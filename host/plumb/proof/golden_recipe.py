@@ -1,6 +1,6 @@
 """The recipe of the golden vectors: which inputs, which parameters, how many steps.
 
-tests/vectors/recipe.toml, a [[vector]] table each:
+A folder of vectors has a recipe.toml, or NAME.recipe.toml of each system, as tests/vectors; a [[vector]] table each:
 
     name        also the file's name
     system      a system's name
@@ -46,6 +46,7 @@ from plumb.systems.run_fixed import check_inputs
 from plumb.systems.tasks import KINDS, Task
 from plumb.tuning.quantise import ControlParams, quantise
 
+RECIPE = "recipe.toml"
 MAX_STEPS = 1_000_000
 """Most steps of one vector."""
 MAX_BYTES = 1 << 20
@@ -205,24 +206,36 @@ def is_name(text: object) -> bool:
     return isinstance(text, str) and _NAME.fullmatch(text) is not None
 
 
-def read(path: Path, only: Sequence[str] | None = None) -> list[Entry]:
-    """The entries, only those of the systems `only` when given; raises UsageError for a recipe that is wrong."""
+def files(folder: Path) -> list[Path]:
+    """The recipes of a folder of vectors."""
+    whole = [folder / RECIPE] if (folder / RECIPE).is_file() else []
+    return whole + sorted(folder.glob(f"*.{RECIPE}"))
+
+
+def read(folder: Path, only: Sequence[str] | None = None) -> list[Entry]:
+    """The entries of all recipes of a folder, only those of the systems `only` when given; raises UsageError for a
+    recipe that is wrong, and for none."""
+    entries = [entry for path in files(folder) or [folder / RECIPE] for entry in read_file(path)]
+    names = [entry.name for entry in entries]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise UsageError(f"the recipe in {folder} names {', '.join(twice)} twice; give every vector a name of its own")
+    chosen = [entry for entry in entries if not only or entry.system in only]
+    if not chosen:
+        raise UsageError(f"the recipe has no vectors of {', '.join(only or ())}")
+    return chosen
+
+
+def read_file(path: Path) -> list[Entry]:
+    """The entries of one recipe; raises UsageError for one that is wrong."""
     text = read_text(path, MAX_BYTES, "give a folder with the recipe of its golden vectors")
     try:
         tables = toml_text.parse(text).get("vector")
         if not isinstance(tables, list) or not tables:
             raise ValueError("it has no [[vector]]")
-        entries = [_entry(table) for table in tables]
+        return [_entry(table) for table in tables]
     except ValueError as error:
         raise UsageError(f"{path} is not a recipe: {error}".partition("\n")[0]) from None
-    names = [entry.name for entry in entries]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise UsageError(f"{path} names {', '.join(twice)} twice; give every vector a name of its own")
-    chosen = [entry for entry in entries if not only or entry.system in only]
-    if not chosen:
-        raise UsageError(f"the recipe has no vectors of {', '.join(only or ())}")
-    return chosen
 
 
 def _entry(table: Any) -> Entry:
