@@ -180,6 +180,6 @@ def test_runs_is_an_iterator_and_a_table() -> None:
     table = runs.table()
     assert sorted(seen) == [1000, 1001, 1002, 1003] == table["seed"].tolist() and len(runs) == 4
     alone = plumb.run("phone", seed=1002, seconds=4)
-    assert table["digest"][2] == batch.digest_of(alone.digests)
+    assert table["digest"][2] == batch.digest_of(alone.words)
     assert table["angle_rmse_deg"][2] == pytest.approx(alone.metrics["angle_rmse_deg"])
     assert runs.figures["angle_rmse_deg"]["mean"] == pytest.approx(table["angle_rmse_deg"].mean())

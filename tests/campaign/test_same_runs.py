@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from plumb import systems
 from plumb.boards import native_plant
 from plumb.campaign import batch
 from plumb.campaign.study import Study, from_table
-from plumb.proof import scenario_run
+from plumb.proof import runs, scenario_run
+from plumb.systems.compiled_plants import COMPILED
 
 CASES = [
     {"system": name, "scenario": scenario, "open_loop": open_loop, "seconds": 12}
@@ -33,7 +35,8 @@ def compare(study: Study, index: int) -> None:
     request = study.request(index)
     alone = scenario_run.perform(request)
     found = batch.run_one(request)
-    assert np.array_equal(found.answer.digests, alone.run.answer.digests)
+    assert np.array_equal(found.words.digests(), alone.run.answer.digests)
+    assert batch.digest_of(found.words) == batch.digest_of(alone.run.words)
     assert np.array_equal(found.inputs.setpoint, alone.run.inputs.setpoint)
     for name, truth in alone.run.inputs.truth.items():
         assert np.array_equal(found.inputs.truth[name], truth, equal_nan=True), name
@@ -49,9 +52,14 @@ def test_faults_and_conditions_are_those_of_plumb_run(table: dict[str, object]) 
     compare(from_table({**table, "seconds": 12, "runs": 40}), 3)
 
 
-@pytest.mark.parametrize("system", [name for name in systems.SYSTEMS if systems.load(name).OUTPUTS])
-def test_a_system_that_moves_something_closes_its_loop_in_c(system: str) -> None:
-    assert native_plant.available(system), f"{system} has no plant.c: its campaigns close the loop in Python"
+@pytest.mark.parametrize("system", systems.with_part(COMPILED.name))
+def test_a_plant_in_c_is_in_the_core_and_is_used(system: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def in_python(*_arguments: object) -> None:
+        raise AssertionError("the loop was closed in Python")
+
+    assert native_plant.available(system)
+    monkeypatch.setattr(runs, "closed_loop_inputs", in_python)
+    assert len(batch.run_one(from_table({"system": system, "seconds": 2}).request(0)).words.record)
 
 
 @pytest.mark.parametrize("system", ["quad", "balancer", "phone"])
@@ -65,6 +73,6 @@ def test_figures_are_those_of_plumb_run(system: str) -> None:
         assert value is None or math.isclose(given[name] or 0.0, value, rel_tol=1e-9, abs_tol=1e-12), name
 
 
-def test_the_digest_of_a_run_is_that_of_its_steps_in_order() -> None:
-    digests = np.array([1, 2, 3], np.uint32)
-    assert batch.digest_of(digests) == 0xB0E02293 != batch.digest_of(digests[::-1])
+def test_the_digest_of_a_run_is_that_of_its_records_in_order() -> None:
+    words = batch.run_one(from_table({"system": "quad", "seconds": 2}).request(0)).words
+    assert batch.digest_of(words) == zlib.crc32(b"".join(one.tobytes() for one in words.record))

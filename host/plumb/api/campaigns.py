@@ -16,7 +16,7 @@ from plumb.errors import UsageError
 class Runs:
     """The runs of a campaign, which begins when they are first asked for.
 
-    Iterating gives a dict for each run as its batch is finished: index, seed, steps, digest (CRC-32 over the digests of
+    Iterating gives a dict for each run as its batch is finished: index, seed, steps, digest (CRC-32 over the records of
     its steps), error (None, or why it failed), then what is varied and the metrics by name. `table`, `figures` and
     `to_pandas` wait for all runs.
     """

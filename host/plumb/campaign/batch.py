@@ -44,7 +44,7 @@ PIECES = 16
 class Batch:
     """Results of some runs, a list entry for each, in the order of their indices.
 
-    digest: CRC-32 of the digests of all steps, None for a run that failed. error: why a run failed, None for one that
+    digest: CRC-32 over the records of all steps, None for a run that failed. error: why a run failed, None for one that
     did not. values: of the factors, by name. metrics: by name, None where a run has no such figure. identity: of the
     part that ran them.
     """
@@ -63,12 +63,16 @@ class Batch:
         self.index.append(index)
         self.seed.append(study.seed(index))
         self.steps.append(len(run.inputs.raw) if run else 0)
-        self.digest.append(digest_of(run.answer.digests) if run else None)
+        self.digest.append(digest_of(run.words) if run else None)
         self.error.append(error)
         for name, value in study.values(index).items():
             self.values.setdefault(name, [None] * before).append(list(value) if isinstance(value, tuple) else value)
         for name in [*self.metrics, *(name for name in metrics if name not in self.metrics)]:
             self.metrics.setdefault(name, [None] * before).append(metrics.get(name))
+
+
+_NO_DIGESTS = np.zeros(0, np.uint32)
+"""Of the steps: a campaign has the digest of the run alone."""
 
 
 class _Unknown(dict[str, FloatArray]):
@@ -125,16 +129,16 @@ def run_batch(study: Study, indices: range) -> Batch:
     return found
 
 
-def digest_of(digests: np.ndarray[Any, np.dtype[np.uint32]]) -> int:
-    """The digest of a run: CRC-32 over the digests of its steps, four bytes each, the least significant first."""
-    return zlib.crc32(np.ascontiguousarray(digests, "<u4").tobytes())
+def digest_of(words: Words) -> int:
+    """The digest of a run: CRC-32 over the bytes of which its steps have their digests, in order."""
+    return zlib.crc32(words.record.tobytes())
 
 
 def run_one(request: RunRequest) -> Run:
     """One run on the native core, without the model and the reference beside it."""
     drawn = scenario_run.draw(request)
     inputs, words = _answer(request, drawn)
-    return Run(inputs, drawn.params, words, _Unknown(len(inputs.raw)), Answer(words.digests(), words), None)
+    return Run(inputs, drawn.params, words, _Unknown(len(inputs.raw)), Answer(_NO_DIGESTS, words), None)
 
 
 def _answer(request: RunRequest, drawn: Drawn) -> tuple[RunInputs, Words]:
@@ -216,4 +220,4 @@ def _confirmed(study: Study, finished: Sequence[Run]) -> list[int | None]:
     assert study.confirm is not None
     with open_board(study.confirm) as board:
         answers = [board.run_injected(run.params, run.inputs.raw, run.inputs.setpoint) for run in finished]
-    return [count_mismatches(run.answer.digests, other.digests) for run, other in zip(finished, answers, strict=True)]
+    return [count_mismatches(run.words.digests(), other.digests) for run, other in zip(finished, answers, strict=True)]

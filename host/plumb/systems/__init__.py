@@ -15,6 +15,8 @@ optional:
     pins.py       the plant on the pins of the virtual board (contracts.Pins), unless samples only arrive as frames
     poses.py      how it is held to calibrate its sensors (contracts.Poses)
     wiring.py     the wiring of the board, for the drawings (plumb.systems.wiring.WiringDrawings)
+    plant.c       the plant once more in C, for campaigns, with its inputs in compiled_plant.py
+                  (plumb.systems.compiled_plants.CompiledPlant); without it a campaign closes the loop in Python
 
 Folders of systems on PLUMB_SYSTEM_PATH are modules of this package, too.
 """
