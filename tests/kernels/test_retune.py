@@ -13,7 +13,6 @@ from plumb.spec import declarations, parameters
 from plumb.spec.records import RECORDS
 from plumb.systems import load, run_fixed
 from plumb.systems.contracts import FIXED, RetunedStep
-from plumb.systems.phone import scenarios as phone
 from plumb.tuning.quantise import ControlParams, quantise
 from support.wild_params import wild_balancer_params, wild_params
 
@@ -104,7 +103,8 @@ def test_a_run_with_changes_of_its_gains_equals_the_model_in_every_step(system: 
 
 
 def test_a_system_without_live_parameters_goes_on_as_it_was() -> None:
-    params = quantise(phone.TUNINGS[phone.DEFAULT_TUNING])
+    scenarios = load(next(name for name in declarations.names() if name not in RETUNED))
+    params = quantise(scenarios.TUNINGS[scenarios.DEFAULT_TUNING])
     model, other = run_fixed.Controller(params), run_fixed.Controller(params)
     for step in range(20):
         if step == 10:

@@ -12,6 +12,7 @@ from plumb.errors import UsageError
 from plumb.judging.phone import figures as phone_figures
 from plumb.physics import disturbance
 from plumb.proof.figures import UNASKED, Figure
+from plumb.systems.contracts import Plant, Scenario
 from plumb.systems.phone import scenarios as phone
 from plumb.tuning import quantise
 
@@ -224,3 +225,10 @@ def test_the_simple_filters_fall_short_of_the_kalman_filter() -> None:
     }
     for scenario in ("general", "static"):
         assert kalman[scenario] < simple[scenario, "complementary"] < simple[scenario, "weighted"]
+
+
+def test_plant_and_scenario_are_typed() -> None:
+    """What the type checker holds to the contracts."""
+    scenario: Scenario = phone.scenario("static", 1, seconds=4.0)
+    plant: Plant = phone.plant(phone.scenario("static", 1, seconds=4.0))
+    assert scenario is not None and plant is not None

@@ -35,7 +35,6 @@ from plumb.systems.contracts import (
     Scenario,
     System,
 )
-from plumb.systems.phone import scenarios as phone
 from plumb.systems.quad import pins as quad_pins
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.turntable import pins as turntable_pins
@@ -53,9 +52,8 @@ def plants_and_couplings() -> tuple[list[Scenario], list[Plant], list[type[Coupl
     """What the type checker holds to the contracts; `load` cannot see what the functions give."""
     one, two = quad.scenario("quiet", 1, seconds=1.0), balancer.scenario("smooth", 1, seconds=1.0)
     three = turntable.scenario(turntable.DEFAULT_SCENARIO, 1, seconds=1.0)
-    four = phone.scenario("static", 1, seconds=4.0)
-    plants: list[Plant] = [quad.plant(one), balancer.plant(two), turntable.plant(three), phone.plant(four)]
-    return [one, two, three, four], plants, [quad_pins.Coupling, balancer_pins.Coupling, turntable_pins.Coupling]
+    plants: list[Plant] = [quad.plant(one), balancer.plant(two), turntable.plant(three)]
+    return [one, two, three], plants, [quad_pins.Coupling, balancer_pins.Coupling, turntable_pins.Coupling]
 
 
 @pytest.mark.parametrize("name", systems.SYSTEMS)
@@ -120,8 +118,10 @@ def test_a_command_says_in_one_sentence_what_a_system_lacks(tmp_path: Path) -> N
 
 
 def test_a_plant_without_pins_is_refused_before_it_is_coupled() -> None:
+    name = next(name for name in systems.SYSTEMS if name not in systems.with_part("pins"))
+    own = systems.load(name)
     with pytest.raises(UsageError, match="no sensors of its own"):
-        coupler("phone", phone.plant(phone.scenario("static", 1, seconds=4.0)))
+        coupler(name, own.plant(own.scenario(own.DEFAULT_SCENARIO, 1, seconds=4.0)))
 
 
 def test_plants_and_couplings_are_typed() -> None:
