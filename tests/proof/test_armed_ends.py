@@ -51,7 +51,8 @@ FOUND_BY_ANOTHER = {
 
 def ends(name: str) -> tuple[int, int]:
     row = next(row for row in parameters.table() if row.name == name)
-    return row.armed or (row.min, row.max)
+    low, high = row.armed or (row.min, row.max)
+    return low, high
 
 
 CASES = [{name: end} for name in LIMITED for end in ends(name)]
