@@ -135,6 +135,15 @@ def test_every_estimator_flies_a_calm_minute() -> None:
 
 
 @pytest.mark.slow
+def test_rivals_err_in_flight_by_what_they_take_for_the_vertical() -> None:
+    """While 15 deg of pitch are held, the acceleration along the body's z axis looks like the vertical."""
+    pytest.importorskip("vqf", reason="vqf is not installed: the extra compare")
+    flown = fly(short("pitch-15", 30.0), [1000, 1001], estimators(["VQF", "Mahony"]))
+    vqf, mahony = (rms_deg(one) for one in flown)
+    assert 2.5 < vqf < 6.0 and 1.5 < mahony < 6.0, (vqf, mahony)
+
+
+@pytest.mark.slow
 def test_a_take_off_ends_on_the_ground() -> None:
     told: list[float] = []
     inner = next(one for one in estimators(["attitude"]))

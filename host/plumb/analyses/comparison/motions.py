@@ -5,7 +5,7 @@ of a profile speed, yaw rate and bank are linear in time. The body goes where it
 sensors are mounted aslant by N(10 deg) about two axes.
 
     arm-N           at the end of an arm of 1 m that turns by N deg/s about the vertical: up within 4 s, and down
-    dash-N          to and fro at 3 m/s^2: up to N m/s, on for 2 s, braked to rest, 2 s of rest
+    dash-N          to and fro at 3 m/s^2: up to N m/s, on for 6 s, braked to rest, 2 s of rest
     roundabout-R    to 10 m/s within 5 s, 2 s into a circle of R m that lasts until 50 s, 2 s out of it, braked; level
     bank-turn       to 20 m/s within 5 s, within 2 s to a bank of 45 deg in a coordinated turn until 48 s, out, braked
     vibration-F     in its place but for an acceleration of 5 g at F Hz in a drawn direction, and a rate of 50 deg/s at
@@ -40,7 +40,7 @@ GRID_S = PERIOD_S / STEPS_OF_A_PERIOD
 SECONDS, BEGIN_S, END_S = 60.0, 10.0, 56.0
 LEAN_RAD = np.radians(10.0)
 ARM_M, SPIN_UP_S = 1.0, 4.0
-DASH_MPS2, CRUISE_S, PAUSE_S = 3.0, 2.0, 2.0
+DASH_MPS2, CRUISE_S, PAUSE_S = 3.0, 6.0, 2.0
 ROUND_MPS, ROUND_UP_S, ROUND_ENTRY_S, ROUND_UNTIL_S = 10.0, 5.0, 2.0, 50.0
 BANK_MPS, BANK_DEG, BANK_UP_S, BANK_ENTRY_S, BANK_UNTIL_S = 20.0, 45.0, 5.0, 2.0, 48.0
 SHAKE_G, SHAKE_DPS = 5.0, 50.0
