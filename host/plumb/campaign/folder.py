@@ -78,7 +78,8 @@ def differences(kept: Mapping[str, object], now: Mapping[str, object]) -> str:
 
 
 def _short(value: object) -> str:
-    return str(value)[:12]
+    text = str(value)
+    return text if len(text) <= 24 else f"{text[:12]}...{text[-6:]}"
 
 
 def about_of(path: Path) -> dict[str, Any]:

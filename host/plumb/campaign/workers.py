@@ -76,4 +76,4 @@ def in_processes(study: Study, tasks: Sequence[Task], workers: int) -> Iterator[
                 process.terminate()
             raise
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)

@@ -115,7 +115,7 @@ def main(arguments: argparse.Namespace) -> int:
         found = Results([run_batch(study, range(arguments.only, arguments.only + 1))])
     else:
         where = campaign.Where(arguments.workers, arguments.scheduler, arguments.out, arguments.resume)
-        with tqdm(total=study.runs, unit="run", desc=f"campaign of {study.system}", disable=None) as bar:
+        with tqdm(total=study.runs, unit="run", desc=study.system, leave=False, disable=None) as bar:
             found = Results(campaign.run(study, where, bar.update))
     said = report.of(study, found, identity(), arguments.command_line, other)
     written = []
