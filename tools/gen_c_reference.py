@@ -2,8 +2,9 @@
 
 .venv/bin/python tools/gen_c_reference.py [--check]      --check: exit code 1 when the page differs
 
-Of a header, the comment at its top becomes prose; each type and function becomes a heading with its comment and its
-declaration. Constants stand together, as they are.
+Structs that are written from the declarations have pages of their own. Of another header, the comment at its top
+becomes prose; each type and function becomes a heading with its comment and its declaration. Constants stand
+together, as they are.
 """
 
 from __future__ import annotations
@@ -23,6 +24,11 @@ HEAD = """\
 Every public header of the [C library](c-library.md): its comment, then each type and function. Include `plumb/plumb.h`.
 
 """
+TABLES = {
+    "params.h": "The table of parameters as one struct, a member for each group: [parameters](parameters.md).",
+    "records.h": "The record and the flags of each system as a struct: [records](records.md).",
+}
+"""Header -> what stands for it."""
 ITEM = re.compile(
     r"(?P<comment>/\*.*?\*/\n)?(?P<code>typedef (?:struct|enum|union) (?:\w+ )?\{.*?\n\} \w+;|typedef [^{;]*;|"
     r"(?:extern )?(?:const )?\w[\w ]*[ *]\w+(?:\[\w*\])?\s*(?:\([^;{]*\))?;)",
@@ -49,6 +55,8 @@ def name_of(code: str) -> str:
 
 def header(path: Path) -> list[str]:
     """The section of one header."""
+    if path.name in TABLES:
+        return [f"## plumb/{path.name}", "", TABLES[path.name], ""]
     text = path.read_text(encoding="utf-8")
     about = re.match(r"/\*.*?\*/\n", text, re.DOTALL)
     lines = [f"## plumb/{path.name}", ""]

@@ -2,7 +2,9 @@
 
 tools/generate.py                          firmware/generated/, firmware/include/ and messages.dbc, as committed
 tools/generate.py --check                  list the stale files; exit code 1
-tools/generate.py --out DIR [--systems A;B]    for a build: only the C files, into DIR, for these systems or this image
+tools/generate.py --out DIR [--systems A;B]    for a build: all C files, into DIR, for these systems or this image
+
+Committed is what C users need without Python, and what people read; the tables of link and board are made in the build.
 """
 
 from __future__ import annotations
@@ -21,6 +23,9 @@ import gen_systems  # type: ignore[import-not-found]  # noqa: E402
 from plumb.errors import UsageError  # noqa: E402
 from plumb.spec import declarations, images, tool_dbc  # noqa: E402
 
+BUILT = {"messages.c", "messages.h", "params.c", "params.h", "record_names.h", "record_places.c", "used_parts.h"}
+"""Of firmware/generated: made in each build, and not committed."""
+
 
 def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
     """Path below firmware/ -> text of the C files. built: the systems of the image, all by default."""
@@ -31,7 +36,11 @@ def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
 
 def committed() -> dict[Path, str]:
     """Path -> text of the committed files, which cover the systems of this package."""
-    files = {ROOT / "firmware" / name: text for name, text in c_files().items()}
+    files = {
+        ROOT / "firmware" / name: text
+        for name, text in c_files().items()
+        if name.removeprefix("generated/") not in BUILT
+    }
     files |= {ROOT / "docs" / "reference" / name: text for name, text in gen_reference.generate().items()}
     return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": tool_dbc.text()}
 

@@ -2,344 +2,45 @@
 /* clang-format off */
 #include "systems/control.h"
 
-/* quad: the record is hashed as bytes, each word where the host expects it. */
-#define PLACE(member, place, number) \
-    typedef char quad_place_##number[offsetof(plumb_quad_words_t, member) == (place) ? 1 : -1]
-PLACE(raw[0], 0U, 0);
-PLACE(raw[1], 4U, 1);
-PLACE(raw[2], 8U, 2);
-PLACE(raw[3], 12U, 3);
-PLACE(raw[4], 16U, 4);
-PLACE(raw[5], 20U, 5);
-PLACE(setpoint_turn_q32, 24U, 6);
-PLACE(rate_turnps_q28, 28U, 7);
-PLACE(accel_y_g_q26, 32U, 8);
-PLACE(accel_z_g_q26, 36U, 9);
-PLACE(tilt_measured_turn_q32, 40U, 10);
-PLACE(variance, 44U, 11);
-PLACE(kalman.tilt_turn_q61, 48U, 12);
-PLACE(kalman.bias_turn_q61, 56U, 13);
-PLACE(kalman.p00, 64U, 14);
-PLACE(kalman.p01, 72U, 15);
-PLACE(kalman.p11, 80U, 16);
-PLACE(kalman.p11_frac_q30, 88U, 17);
-PLACE(kalman.innovation_turn_q32, 92U, 18);
-PLACE(kalman.k0_q29, 96U, 19);
-PLACE(kalman.k1_q29, 100U, 20);
-PLACE(tilt_turn_q32, 104U, 21);
-PLACE(bias_turnps_q28, 108U, 22);
-PLACE(rate_corrected_turnps_q28, 112U, 23);
-PLACE(clamped_steps, 116U, 24);
-PLACE(pid.integral_q54, 120U, 25);
-PLACE(pid.command_q22, 128U, 26);
-PLACE(pid.rate_filtered_turnps_q27, 132U, 27);
-PLACE(pid.excess_q22, 136U, 28);
-PLACE(pid.error_turn_q32, 140U, 29);
-PLACE(pulse_halfus[0], 144U, 30);
-PLACE(pulse_halfus[1], 148U, 31);
-PLACE(flags, 152U, 32);
-PLACE(step, 156U, 33);
-#undef PLACE
-typedef char quad_record[sizeof(plumb_quad_words_t) == 160U ? 1 : -1];
-
-/* balancer: the record is hashed as bytes, each word where the host expects it. */
-#define PLACE(member, place, number) \
-    typedef char balancer_place_##number[offsetof(plumb_balancer_words_t, member) == (place) ? 1 : -1]
-PLACE(raw[0], 0U, 0);
-PLACE(raw[1], 4U, 1);
-PLACE(raw[2], 8U, 2);
-PLACE(raw[3], 12U, 3);
-PLACE(raw[4], 16U, 4);
-PLACE(raw[5], 20U, 5);
-PLACE(setpoint_mps_q26, 24U, 6);
-PLACE(rate_turnps_q28, 28U, 7);
-PLACE(accel_x_g_q26, 32U, 8);
-PLACE(accel_z_g_q26, 36U, 9);
-PLACE(wheel.speed_mps_q26, 40U, 10);
-PLACE(wheel.velocity_mps_q26, 44U, 11);
-PLACE(wheel.accel_g_q26, 48U, 12);
-PLACE(gravity_x_g_q26, 52U, 13);
-PLACE(tilt_measured_turn_q32, 56U, 14);
-PLACE(variance, 60U, 15);
-PLACE(kalman.tilt_turn_q61, 64U, 16);
-PLACE(kalman.bias_turn_q61, 72U, 17);
-PLACE(kalman.p00, 80U, 18);
-PLACE(kalman.p01, 88U, 19);
-PLACE(kalman.p11, 96U, 20);
-PLACE(kalman.p11_frac_q30, 104U, 21);
-PLACE(kalman.innovation_turn_q32, 108U, 22);
-PLACE(kalman.k0_q29, 112U, 23);
-PLACE(kalman.k1_q29, 116U, 24);
-PLACE(tilt_turn_q32, 120U, 25);
-PLACE(bias_turnps_q28, 124U, 26);
-PLACE(rate_corrected_turnps_q28, 128U, 27);
-PLACE(clamped_steps, 132U, 28);
-PLACE(speed.integral_q54, 136U, 29);
-PLACE(speed.command_q22, 144U, 30);
-PLACE(speed.rate_filtered_turnps_q27, 148U, 31);
-PLACE(speed.excess_q22, 152U, 32);
-PLACE(speed.error_turn_q32, 156U, 33);
-PLACE(pid.integral_q54, 160U, 34);
-PLACE(pid.command_q22, 168U, 35);
-PLACE(pid.rate_filtered_turnps_q27, 172U, 36);
-PLACE(pid.excess_q22, 176U, 37);
-PLACE(pid.error_turn_q32, 180U, 38);
-PLACE(lean_turn_q32, 184U, 39);
-PLACE(duty_q15, 188U, 40);
-PLACE(flags, 192U, 41);
-PLACE(step, 196U, 42);
-#undef PLACE
-typedef char balancer_record[sizeof(plumb_balancer_words_t) == 200U ? 1 : -1];
-
-/* turntable: the record is hashed as bytes, each word where the host expects it. */
-#define PLACE(member, place, number) \
-    typedef char turntable_place_##number[offsetof(plumb_turntable_words_t, member) == (place) ? 1 : -1]
-PLACE(raw[0], 0U, 0);
-PLACE(raw[1], 4U, 1);
-PLACE(raw[2], 8U, 2);
-PLACE(raw[3], 12U, 3);
-PLACE(raw[4], 16U, 4);
-PLACE(raw[5], 20U, 5);
-PLACE(setpoint, 24U, 6);
-PLACE(gyro.last[0], 28U, 7);
-PLACE(gyro.last[1], 32U, 8);
-PLACE(gyro.last[2], 36U, 9);
-PLACE(gyro.before[0], 40U, 10);
-PLACE(gyro.before[1], 44U, 11);
-PLACE(gyro.before[2], 48U, 12);
-PLACE(gyro.spikes, 52U, 13);
-PLACE(gyro.gap_steps, 56U, 14);
-PLACE(angular.last[0], 60U, 15);
-PLACE(angular.last[1], 64U, 16);
-PLACE(angular.last[2], 68U, 17);
-PLACE(angular.before[0], 72U, 18);
-PLACE(angular.before[1], 76U, 19);
-PLACE(angular.before[2], 80U, 20);
-PLACE(angular.spikes, 84U, 21);
-PLACE(angular.gap_steps, 88U, 22);
-PLACE(rate_turnps_q28[0], 92U, 23);
-PLACE(rate_turnps_q28[1], 96U, 24);
-PLACE(rate_turnps_q28[2], 100U, 25);
-PLACE(acceleration_turnps2_q28[0], 104U, 26);
-PLACE(acceleration_turnps2_q28[1], 108U, 27);
-PLACE(acceleration_turnps2_q28[2], 112U, 28);
-PLACE(gyro_age_step_q24, 116U, 29);
-PLACE(increment_turnps_q34[0], 120U, 30);
-PLACE(increment_turnps_q34[1], 124U, 31);
-PLACE(increment_turnps_q34[2], 128U, 32);
-PLACE(increment_lagged_turnps_q34[0], 132U, 33);
-PLACE(increment_lagged_turnps_q34[1], 136U, 34);
-PLACE(increment_lagged_turnps_q34[2], 140U, 35);
-PLACE(innovation_turnps_q28[0], 144U, 36);
-PLACE(innovation_turnps_q28[1], 148U, 37);
-PLACE(innovation_turnps_q28[2], 152U, 38);
-PLACE(attitude.w, 156U, 39);
-PLACE(attitude.x, 160U, 40);
-PLACE(attitude.y, 164U, 41);
-PLACE(attitude.z, 168U, 42);
-PLACE(attitude_angular.w, 172U, 43);
-PLACE(attitude_angular.x, 176U, 44);
-PLACE(attitude_angular.y, 180U, 45);
-PLACE(attitude_angular.z, 184U, 46);
-PLACE(rate_fused_turnps_q28[0], 188U, 47);
-PLACE(rate_fused_turnps_q28[1], 192U, 48);
-PLACE(rate_fused_turnps_q28[2], 196U, 49);
-PLACE(rate_corrected_turnps_q28[0], 200U, 50);
-PLACE(rate_corrected_turnps_q28[1], 204U, 51);
-PLACE(rate_corrected_turnps_q28[2], 208U, 52);
-PLACE(bias_gyro_turnps_q34[0], 212U, 53);
-PLACE(bias_gyro_turnps_q34[1], 216U, 54);
-PLACE(bias_gyro_turnps_q34[2], 220U, 55);
-PLACE(bias_angular_turnps_q42[0], 224U, 56);
-PLACE(bias_angular_turnps_q42[1], 228U, 57);
-PLACE(bias_angular_turnps_q42[2], 232U, 58);
-PLACE(scale_q30[0], 236U, 59);
-PLACE(scale_q30[1], 240U, 60);
-PLACE(scale_q30[2], 244U, 61);
-PLACE(lag_step_q24[0], 248U, 62);
-PLACE(lag_step_q24[1], 252U, 63);
-PLACE(lag_step_q24[2], 256U, 64);
-PLACE(clamped_steps, 260U, 65);
-PLACE(covariance_q64[0], 264U, 66);
-PLACE(covariance_q64[1], 272U, 67);
-PLACE(covariance_q64[2], 280U, 68);
-PLACE(covariance_q64[3], 288U, 69);
-PLACE(covariance_q64[4], 296U, 70);
-PLACE(covariance_q64[5], 304U, 71);
-PLACE(covariance_q64[6], 312U, 72);
-PLACE(covariance_q64[7], 320U, 73);
-PLACE(covariance_q64[8], 328U, 74);
-PLACE(covariance_q64[9], 336U, 75);
-PLACE(covariance_q64[10], 344U, 76);
-PLACE(covariance_q64[11], 352U, 77);
-PLACE(covariance_q64[12], 360U, 78);
-PLACE(covariance_q64[13], 368U, 79);
-PLACE(scale[0].variance_q60, 376U, 80);
-PLACE(scale[0].sensitivity_q28[0], 384U, 81);
-PLACE(scale[0].sensitivity_q28[1], 388U, 82);
-PLACE(scale[0].sensitivity_q28[2], 392U, 83);
-PLACE(scale[0].sensitivity_q28[3], 396U, 84);
-PLACE(scale[1].variance_q60, 400U, 85);
-PLACE(scale[1].sensitivity_q28[0], 408U, 86);
-PLACE(scale[1].sensitivity_q28[1], 412U, 87);
-PLACE(scale[1].sensitivity_q28[2], 416U, 88);
-PLACE(scale[1].sensitivity_q28[3], 420U, 89);
-PLACE(scale[2].variance_q60, 424U, 90);
-PLACE(scale[2].sensitivity_q28[0], 432U, 91);
-PLACE(scale[2].sensitivity_q28[1], 436U, 92);
-PLACE(scale[2].sensitivity_q28[2], 440U, 93);
-PLACE(scale[2].sensitivity_q28[3], 444U, 94);
-PLACE(lag[0].variance_q60, 448U, 95);
-PLACE(lag[0].sensitivity_q28[0], 456U, 96);
-PLACE(lag[0].sensitivity_q28[1], 460U, 97);
-PLACE(lag[0].sensitivity_q28[2], 464U, 98);
-PLACE(lag[0].sensitivity_q28[3], 468U, 99);
-PLACE(lag[1].variance_q60, 472U, 100);
-PLACE(lag[1].sensitivity_q28[0], 480U, 101);
-PLACE(lag[1].sensitivity_q28[1], 484U, 102);
-PLACE(lag[1].sensitivity_q28[2], 488U, 103);
-PLACE(lag[1].sensitivity_q28[3], 492U, 104);
-PLACE(lag[2].variance_q60, 496U, 105);
-PLACE(lag[2].sensitivity_q28[0], 504U, 106);
-PLACE(lag[2].sensitivity_q28[1], 508U, 107);
-PLACE(lag[2].sensitivity_q28[2], 512U, 108);
-PLACE(lag[2].sensitivity_q28[3], 516U, 109);
-PLACE(flags, 520U, 110);
-PLACE(step, 524U, 111);
-#undef PLACE
-typedef char turntable_record[sizeof(plumb_turntable_words_t) == 528U ? 1 : -1];
-
-/* phone: the record is hashed as bytes, each word where the host expects it. */
-#define PLACE(member, place, number) \
-    typedef char phone_place_##number[offsetof(plumb_phone_words_t, member) == (place) ? 1 : -1]
-PLACE(raw[0], 0U, 0);
-PLACE(raw[1], 4U, 1);
-PLACE(raw[2], 8U, 2);
-PLACE(raw[3], 12U, 3);
-PLACE(raw[4], 16U, 4);
-PLACE(raw[5], 20U, 5);
-PLACE(setpoint_turn_q32, 24U, 6);
-PLACE(rate_x_turnps_q28, 28U, 7);
-PLACE(rate_y_turnps_q28, 32U, 8);
-PLACE(rate_z_turnps_q28, 36U, 9);
-PLACE(accel_x_g_q26, 40U, 10);
-PLACE(accel_y_g_q26, 44U, 11);
-PLACE(accel_z_g_q26, 48U, 12);
-PLACE(tangent_q26, 52U, 13);
-PLACE(pitch_rate_turnps_q28, 56U, 14);
-PLACE(roll_rate_turnps_q28, 60U, 15);
-PLACE(pitch_measured_turn_q32, 64U, 16);
-PLACE(roll_measured_turn_q32, 68U, 17);
-PLACE(pitch_variance, 72U, 18);
-PLACE(roll_variance, 76U, 19);
-PLACE(pitch.tilt_turn_q61, 80U, 20);
-PLACE(pitch.bias_turn_q61, 88U, 21);
-PLACE(pitch.p00, 96U, 22);
-PLACE(pitch.p01, 104U, 23);
-PLACE(pitch.p11, 112U, 24);
-PLACE(pitch.p11_frac_q30, 120U, 25);
-PLACE(pitch.innovation_turn_q32, 124U, 26);
-PLACE(pitch.k0_q29, 128U, 27);
-PLACE(pitch.k1_q29, 132U, 28);
-PLACE(roll.tilt_turn_q61, 136U, 29);
-PLACE(roll.bias_turn_q61, 144U, 30);
-PLACE(roll.p00, 152U, 31);
-PLACE(roll.p01, 160U, 32);
-PLACE(roll.p11, 168U, 33);
-PLACE(roll.p11_frac_q30, 176U, 34);
-PLACE(roll.innovation_turn_q32, 180U, 35);
-PLACE(roll.k0_q29, 184U, 36);
-PLACE(roll.k1_q29, 188U, 37);
-PLACE(pitch_turn_q32, 192U, 38);
-PLACE(pitch_bias_turnps_q28, 196U, 39);
-PLACE(pitch_rate_corrected_turnps_q28, 200U, 40);
-PLACE(roll_turn_q32, 204U, 41);
-PLACE(roll_bias_turnps_q28, 208U, 42);
-PLACE(roll_rate_corrected_turnps_q28, 212U, 43);
-PLACE(uncorrected_steps, 216U, 44);
-PLACE(clamped_steps, 220U, 45);
-PLACE(flags, 224U, 46);
-PLACE(step, 228U, 47);
-#undef PLACE
-typedef char phone_record[sizeof(plumb_phone_words_t) == 232U ? 1 : -1];
-
-/* attitude: the record is hashed as bytes, each word where the host expects it. */
-#define PLACE(member, place, number) \
-    typedef char attitude_place_##number[offsetof(plumb_attitude_words_t, member) == (place) ? 1 : -1]
-PLACE(raw[0], 0U, 0);
-PLACE(raw[1], 4U, 1);
-PLACE(raw[2], 8U, 2);
-PLACE(raw[3], 12U, 3);
-PLACE(raw[4], 16U, 4);
-PLACE(raw[5], 20U, 5);
-PLACE(setpoint, 24U, 6);
-PLACE(rate_turnps_q28[0], 28U, 7);
-PLACE(rate_turnps_q28[1], 32U, 8);
-PLACE(rate_turnps_q28[2], 36U, 9);
-PLACE(accel_g_q25[0], 40U, 10);
-PLACE(accel_g_q25[1], 44U, 11);
-PLACE(accel_g_q25[2], 48U, 12);
-PLACE(attitude.w, 52U, 13);
-PLACE(attitude.x, 56U, 14);
-PLACE(attitude.y, 60U, 15);
-PLACE(attitude.z, 64U, 16);
-PLACE(up_q30[0], 68U, 17);
-PLACE(up_q30[1], 72U, 18);
-PLACE(up_q30[2], 76U, 19);
-PLACE(bias_turnps_q32[0], 80U, 20);
-PLACE(bias_turnps_q32[1], 84U, 21);
-PLACE(bias_turnps_q32[2], 88U, 22);
-PLACE(scale_q32[0], 92U, 23);
-PLACE(scale_q32[1], 96U, 24);
-PLACE(scale_q32[2], 100U, 25);
-PLACE(velocity_gs_q28[0], 104U, 26);
-PLACE(velocity_gs_q28[1], 108U, 27);
-PLACE(velocity_square_g2s2_q24, 112U, 28);
-PLACE(velocity_variance_g2s2_q32, 116U, 29);
-PLACE(tilt_variance_rad2_q32, 120U, 30);
-PLACE(block_step, 124U, 31);
-PLACE(missing_steps, 128U, 32);
-PLACE(flags, 132U, 33);
-PLACE(step, 136U, 34);
-#undef PLACE
-typedef char attitude_record[sizeof(plumb_attitude_words_t) == 140U ? 1 : -1];
+/* Place of a word in the record. */
+#define WORD(record, member) ((uint8_t)(offsetof(record, member) / 4U))
 
 static const control_frame_t quad_frames[] = {
-    {0x304U, 36U, 0U, 26U}, /* ANGLE */
-    {0x305U, 37U, 0U, 27U}, /* BIAS */
-    {0x306U, 255U, 0U, 28U}, /* RATE */
-    {0x307U, 255U, 0U, 10U}, /* MEASURED */
-    {0x308U, 255U, 0U, 32U}, /* COMMAND */
+    {0x304U, WORD(plumb_quad_words_t, pulse_halfus[0]), 0U, WORD(plumb_quad_words_t, tilt_turn_q32)}, /* ANGLE */
+    {0x305U, WORD(plumb_quad_words_t, pulse_halfus[1]), 0U, WORD(plumb_quad_words_t, bias_turnps_q28)}, /* BIAS */
+    {0x306U, 255U, 0U, WORD(plumb_quad_words_t, rate_corrected_turnps_q28)}, /* RATE */
+    {0x307U, 255U, 0U, WORD(plumb_quad_words_t, tilt_measured_turn_q32)}, /* MEASURED */
+    {0x308U, 255U, 0U, WORD(plumb_quad_words_t, pid.command_q22)}, /* COMMAND */
 };
 
 static const control_frame_t balancer_frames[] = {
-    {0x344U, 255U, 0U, 30U}, /* ANGLE */
-    {0x345U, 47U, 0U, 11U}, /* DRIVE */
-    {0x346U, 255U, 0U, 31U}, /* BIAS */
-    {0x347U, 255U, 0U, 32U}, /* RATE */
-    {0x348U, 255U, 0U, 14U}, /* MEASURED */
-    {0x349U, 255U, 0U, 42U}, /* COMMAND */
+    {0x344U, 255U, 0U, WORD(plumb_balancer_words_t, tilt_turn_q32)}, /* ANGLE */
+    {0x345U, WORD(plumb_balancer_words_t, duty_q15), 0U, WORD(plumb_balancer_words_t, wheel.velocity_mps_q26)}, /* DRIVE */
+    {0x346U, 255U, 0U, WORD(plumb_balancer_words_t, bias_turnps_q28)}, /* BIAS */
+    {0x347U, 255U, 0U, WORD(plumb_balancer_words_t, rate_corrected_turnps_q28)}, /* RATE */
+    {0x348U, 255U, 0U, WORD(plumb_balancer_words_t, tilt_measured_turn_q32)}, /* MEASURED */
+    {0x349U, 255U, 0U, WORD(plumb_balancer_words_t, pid.command_q22)}, /* COMMAND */
 };
 
 static const control_frame_t turntable_frames[] = {
-    {0x384U, 130U, 0U, 39U}, /* ATTITUDE_W */
-    {0x385U, 50U, 15U, 40U}, /* ATTITUDE_X */
-    {0x386U, 51U, 15U, 41U}, /* ATTITUDE_Y */
-    {0x387U, 52U, 15U, 42U}, /* ATTITUDE_Z */
+    {0x384U, WORD(plumb_turntable_words_t, flags), 0U, WORD(plumb_turntable_words_t, attitude.w)}, /* ATTITUDE_W */
+    {0x385U, WORD(plumb_turntable_words_t, rate_corrected_turnps_q28[0]), 15U, WORD(plumb_turntable_words_t, attitude.x)}, /* ATTITUDE_X */
+    {0x386U, WORD(plumb_turntable_words_t, rate_corrected_turnps_q28[1]), 15U, WORD(plumb_turntable_words_t, attitude.y)}, /* ATTITUDE_Y */
+    {0x387U, WORD(plumb_turntable_words_t, rate_corrected_turnps_q28[2]), 15U, WORD(plumb_turntable_words_t, attitude.z)}, /* ATTITUDE_Z */
 };
 
 static const control_frame_t phone_frames[] = {
-    {0x3C4U, 255U, 0U, 48U}, /* ANGLE */
-    {0x3C5U, 56U, 0U, 51U}, /* ROLL */
-    {0x3C6U, 255U, 0U, 49U}, /* BIAS */
-    {0x3C7U, 255U, 0U, 52U}, /* ROLL_BIAS */
+    {0x3C4U, 255U, 0U, WORD(plumb_phone_words_t, pitch_turn_q32)}, /* ANGLE */
+    {0x3C5U, WORD(plumb_phone_words_t, flags), 0U, WORD(plumb_phone_words_t, roll_turn_q32)}, /* ROLL */
+    {0x3C6U, 255U, 0U, WORD(plumb_phone_words_t, pitch_bias_turnps_q28)}, /* BIAS */
+    {0x3C7U, 255U, 0U, WORD(plumb_phone_words_t, roll_bias_turnps_q28)}, /* ROLL_BIAS */
 };
 
 static const control_frame_t attitude_frames[] = {
-    {0x404U, 33U, 0U, 13U}, /* QUATERNION_W */
-    {0x405U, 7U, 15U, 14U}, /* QUATERNION_X */
-    {0x406U, 8U, 15U, 15U}, /* QUATERNION_Y */
-    {0x407U, 9U, 15U, 16U}, /* QUATERNION_Z */
+    {0x404U, WORD(plumb_attitude_words_t, flags), 0U, WORD(plumb_attitude_words_t, attitude.w)}, /* QUATERNION_W */
+    {0x405U, WORD(plumb_attitude_words_t, rate_turnps_q28[0]), 15U, WORD(plumb_attitude_words_t, attitude.x)}, /* QUATERNION_X */
+    {0x406U, WORD(plumb_attitude_words_t, rate_turnps_q28[1]), 15U, WORD(plumb_attitude_words_t, attitude.y)}, /* QUATERNION_Y */
+    {0x407U, WORD(plumb_attitude_words_t, rate_turnps_q28[2]), 15U, WORD(plumb_attitude_words_t, attitude.z)}, /* QUATERNION_Z */
 };
 
 static const control_system_t quad_system = {
@@ -347,8 +48,8 @@ static const control_system_t quad_system = {
     .frame_count = sizeof quad_frames / sizeof quad_frames[0],
     .plausibility = &plumb_quad_plausibility,
     .output = CONTROL_OUTPUT_PULSES,
-    .output_word = 36U,
-    .record_words = 40U,
+    .output_word = WORD(plumb_quad_words_t, pulse_halfus[0]),
+    .record_words = sizeof(plumb_quad_words_t) / 4U,
     .saturated = PLUMB_QUAD_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_ANALOG_3,
     .counts = 6U,
@@ -361,8 +62,8 @@ static const control_system_t balancer_system = {
     .frame_count = sizeof balancer_frames / sizeof balancer_frames[0],
     .plausibility = &plumb_balancer_plausibility,
     .output = CONTROL_OUTPUT_BRIDGE,
-    .output_word = 47U,
-    .record_words = 50U,
+    .output_word = WORD(plumb_balancer_words_t, duty_q15),
+    .record_words = sizeof(plumb_balancer_words_t) / 4U,
     .saturated = PLUMB_BALANCER_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_BALANCE,
     .counts = 6U,
@@ -373,7 +74,7 @@ static const control_system_t balancer_system = {
 static const control_system_t turntable_system = {
     .frames = turntable_frames,
     .frame_count = sizeof turntable_frames / sizeof turntable_frames[0],
-    .record_words = 132U,
+    .record_words = sizeof(plumb_turntable_words_t) / 4U,
     .saturated = PLUMB_TURNTABLE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_ANALOG_6,
     .counts = 6U,
@@ -385,7 +86,7 @@ static const control_system_t turntable_system = {
 static const control_system_t phone_system = {
     .frames = phone_frames,
     .frame_count = sizeof phone_frames / sizeof phone_frames[0],
-    .record_words = 58U,
+    .record_words = sizeof(plumb_phone_words_t) / 4U,
     .saturated = PLUMB_PHONE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_NONE,
     .counts = 6U,
@@ -396,7 +97,7 @@ static const control_system_t phone_system = {
 static const control_system_t attitude_system = {
     .frames = attitude_frames,
     .frame_count = sizeof attitude_frames / sizeof attitude_frames[0],
-    .record_words = 35U,
+    .record_words = sizeof(plumb_attitude_words_t) / 4U,
     .saturated = PLUMB_ATTITUDE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_SIX_AXES,
     .counts = 6U,

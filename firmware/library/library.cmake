@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
 
 set(LIBRARY_SOURCES ${CORE_SOURCES} ${PROJECT_SOURCE_DIR}/firmware/library/kernels.c)
-list(FILTER LIBRARY_SOURCES EXCLUDE REGEX "/(generated/systems|core/commutation|core/digest)\\.c$")
+list(FILTER LIBRARY_SOURCES EXCLUDE REGEX "/(generated/systems|generated/record_places|core/commutation|core/digest)\\.c$")
 
 add_library(plumb STATIC ${LIBRARY_SOURCES} ${DESIGN_SOURCES})
 add_library(plumb::plumb ALIAS plumb)

@@ -2,9 +2,9 @@
 #
 # PLUMB_SYSTEMS (names, or the name of an image of host/plumb/spec/images.toml; empty: all there are) says which of them
 # the image and the native core have. They are found as folders with a system.toml in host/plumb/systems and in the
-# folders of PLUMB_SYSTEM_PATH, a cache variable or the environment's. When they are those of this package the committed
-# files of firmware/generated are compiled, else tools/generate.py writes others into the build folder. Sets GENERATED_INCLUDE, SYSTEM_SOURCES, SYSTEM_INCLUDES,
-# SYSTEM_SOURCES_FOR_SIZE, IMAGE_FLASH_BYTES and IMAGE_RAM_BYTES.
+# folders of PLUMB_SYSTEM_PATH, a cache variable or the environment's. tools/generate.py writes what is generated into the
+# build folder; the C library alone, of the systems of this package, takes the committed files and needs no Python. Sets
+# GENERATED_INCLUDE, SYSTEM_SOURCES, SYSTEM_INCLUDES, SYSTEM_SOURCES_FOR_SIZE, IMAGE_FLASH_BYTES and IMAGE_RAM_BYTES.
 set(PLUMB_SYSTEMS "" CACHE STRING "Systems to build, by name, or an image by name; empty: all there are")
 set(PLUMB_SYSTEM_PATH "$ENV{PLUMB_SYSTEM_PATH}" CACHE STRING "Folders that hold folders of further systems")
 
@@ -14,7 +14,7 @@ file(GLOB found RELATIVE ${PROJECT_SOURCE_DIR}/host/plumb/systems CONFIGURE_DEPE
 list(TRANSFORM found REPLACE "/system.toml$" "")
 list(SORT found)
 include(${committed}/generated/systems.cmake)
-if(PLUMB_SYSTEMS STREQUAL "" AND PLUMB_SYSTEM_PATH STREQUAL "" AND found STREQUAL PLUMB_DECLARED)
+if(PLUMB_LIBRARY_ONLY AND PLUMB_SYSTEMS STREQUAL "" AND PLUMB_SYSTEM_PATH STREQUAL "" AND found STREQUAL PLUMB_DECLARED)
     set(GENERATED_INCLUDE ${committed})
 else()
     set(GENERATED_INCLUDE ${PROJECT_BINARY_DIR}/systems)

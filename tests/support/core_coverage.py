@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from support.mutants import FIRMWARE
+from support.mutants import BUILT, FIRMWARE
 
 RUN = """
 import ctypes, sys
@@ -54,7 +54,7 @@ def unreached(folder: Path, vectors: Path) -> list[Unreached]:
     units += [FIRMWARE / "generated/systems.c", FIRMWARE / "ports/batch/batch.c"]
     _run(
         "clang", "-std=c99", "-O0", "-fPIC", "-shared", "-w", "-fprofile-instr-generate", "-fcoverage-mapping",
-        f"-I{FIRMWARE}", f"-I{FIRMWARE}/include", "-o", library, *units,
+        f"-I{FIRMWARE}", f"-I{FIRMWARE}/include", f"-I{BUILT}", "-o", library, *units,
     )  # fmt: skip
     environment = {**os.environ, "PLUMB_NATIVE_CORE": str(library), "LLVM_PROFILE_FILE": str(raw)}
     _run(sys.executable, "-c", RUN, vectors, Path(__file__).parents[1], environment=environment)
@@ -66,6 +66,8 @@ def unreached(folder: Path, vectors: Path) -> list[Unreached]:
 def _branches(files: list[dict[str, list[list[int]]]]) -> Iterator[Unreached]:
     for entry in files:
         path = Path(str(entry["filename"]))
+        if not path.is_relative_to(FIRMWARE):  # what the build generates
+            continue
         lines = path.read_text(encoding="utf-8").split("\n")
         counts: dict[tuple[int, int, int, int], list[int]] = {}
         for first, left, last, right, yes, no, *_ in entry["branches"]:

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
+BUILT = FIRMWARE.parent / "build" / "native" / "systems"
+"""What the build generates."""
 APART = {
     "commutation.c", "commutation.h", "digest.c", "digest.h", "esc.c", "esc.h", "plausibility.c", "watch.h",
     "control.h",
@@ -202,11 +204,14 @@ class Workshop:
         return tree
 
     def _compile(self, tree: Path, unit: str, built: Path) -> None:
-        command = [*self._compiler, f"-I{tree}", f"-I{tree}/include", "-c", f"{tree}/{unit}", "-o", str(built)]
+        command = [*self._compiler, f"-I{tree}", f"-I{tree}/include", f"-I{BUILT}", "-c", f"{tree}/{unit}"]
+        command += ["-o", str(built)]
         subprocess.run(command, check=True, capture_output=True)
 
     def _included(self, unit: str) -> set[str]:
-        command = [*self._compiler, f"-I{FIRMWARE}", f"-I{FIRMWARE}/include", "-MM", f"{FIRMWARE}/{unit}"]
+        command = [*self._compiler, f"-I{FIRMWARE}", f"-I{FIRMWARE}/include", f"-I{BUILT}"]
+        command += ["-MM", f"{FIRMWARE}/{unit}"]
         said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
         names = said.partition(":")[2].replace("\\\n", " ").split()
-        return {Path(name).resolve().relative_to(FIRMWARE).as_posix() for name in names}
+        paths = [Path(name).resolve() for name in names]
+        return {path.relative_to(FIRMWARE).as_posix() for path in paths if path.is_relative_to(FIRMWARE)}
