@@ -15,8 +15,8 @@ import pytest
 from plumb import __main__ as front
 from plumb.boards import open_board
 from plumb.boards.contract import Board, RawCounts, Setpoints
+from plumb.boards.in_process import InProcessParts
 from plumb.boards.native import NativeBoard as NativeCore
-from plumb.boards.native import NativeParts
 from plumb.errors import UnverifiedError, UsageError
 from plumb.inputs import log_replay, log_writer, run_parts
 from plumb.inputs.log_file import FRAME, Frames, read_log
@@ -282,14 +282,14 @@ def test_a_run_that_is_too_long_for_memory_is_compared_in_parts(
 def test_a_board_that_differs_late_in_a_long_run_is_found(changed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(log_replay, "DETAIL_STEPS", 5)
     monkeypatch.setattr(run_parts, "PART_STEPS", 8)
-    honest = NativeParts.run
+    honest = InProcessParts.run
 
-    def late(self: NativeParts, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
+    def late(self: InProcessParts, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
         digests = honest(self, raw, setpoint)
         digests[-1] ^= 1
         return digests
 
-    monkeypatch.setattr(NativeParts, "run", late)
+    monkeypatch.setattr(InProcessParts, "run", late)
     done = on_native(changed)
     assert done.verdict == "fail" and done.board_differs > 3 and not done.differ
     assert "steps of the board differ, the first at step" in done.statement().text

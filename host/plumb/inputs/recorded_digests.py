@@ -79,7 +79,7 @@ def replay_long(run: LoggedRun, steps: int, params: ControlParams, changes: Chan
                 if isinstance(piece, ControlParams):
                     model.retune(piece)
                 else:
-                    data.append(model.run(counts[piece], setpoints[piece]))
+                    data.append(model.records(counts[piece], setpoints[piece]))
             words = Words.from_bytes(b"".join(data), (len(part),), params.system)
             found.recorded.recorded(part, words)
             answer = next(answers)

@@ -45,7 +45,7 @@ class Controller:
     """One run of the integer model, step by step."""
 
     def __init__(self, params: ControlParams) -> None:
-        self._system, self._p = load(params.system, FIXED), params.values
+        self._name, self._system, self._p = params.system, load(params.system, FIXED), params.values
         self._c = self._system.control_init(params.values)
         self._names, self._packer = names_of(params.system), packer(params.system)
         self._whole_inputs = declarations.system(params.system).whole_inputs
@@ -64,8 +64,12 @@ class Controller:
             self._system.control_retune(self._c, self._p, params.values)
         self._p = params.values
 
-    def run(self, raw: npt.NDArray[np.int64], setpoint: npt.NDArray[np.int64]) -> bytes:
-        """Run a step for each row of checked inputs (`check_inputs`); returns the bytes of their records."""
+    def run(self, raw: npt.NDArray[np.int64], setpoint: npt.NDArray[np.int64]) -> Words:
+        """Run a step for each row of checked inputs (`check_inputs`); returns their records."""
+        return Words.from_bytes(self.records(raw, setpoint), (len(raw),), self._name)
+
+    def records(self, raw: npt.NDArray[np.int64], setpoint: npt.NDArray[np.int64]) -> bytes:
+        """The same as bytes."""
         step, c, p, pack = self._system.control_step, self._c, self._p, self._packer.pack
         rows = zip(raw.tolist(), setpoint.tolist(), strict=True)
         return b"".join(pack(*step(c, p, row, target)) for row, target in rows)
@@ -90,7 +94,7 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
     steps, inputs = counts.shape[:2]
     system = load(name, FIXED)
     if counts.ndim == 2 and isinstance(params, ControlParams):
-        return Words.from_bytes(Controller(params).run(counts, setpoints), (steps,), name)
+        return Controller(params).run(counts, setpoints)
     runs = counts.shape[2] if counts.ndim == 3 else 1
     columns = stack(params, runs)
     c = system.control_init(columns)
@@ -110,7 +114,7 @@ def run_changed(params: ControlParams, changes: Changes, raw: npt.ArrayLike, set
     for number, (part, now) in enumerate(parts_of(params, changes, len(counts))):
         if number:
             controller.retune(now)
-        data.append(controller.run(counts[part], setpoints[part]))
+        data.append(controller.records(counts[part], setpoints[part]))
     return Words.from_bytes(b"".join(data), (len(counts),), params.system)
 
 
