@@ -11,12 +11,12 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb.errors import LinkError, UsageError
+from plumb.errors import LinkError
 from plumb.f103.machine import Machine
-from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.spec.parameters import table
+from support.flash_image import image_path
 from support.pins import at_rest
 
 SUPPLY_V = 3.3
@@ -46,11 +46,7 @@ class Bench:
 
 @pytest.fixture
 def bench() -> Iterator[Bench]:
-    try:
-        image = find_image()
-    except UsageError as error:
-        pytest.skip(str(error))
-    machine = Machine(image)
+    machine = Machine(image_path())
     at_rest(machine)
     machine.advance_us(30_000)
     with Session.open(machine.uart) as session:

@@ -28,16 +28,6 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-@pytest.fixture(scope="module")
-def elf() -> Elf:
-    return Elf(BUILD / "firmware.elf")
-
-
-@pytest.fixture(scope="module")
-def image() -> bytes:
-    return (BUILD / "firmware.bin").read_bytes()
-
-
 def _word(machine: Machine, elf: Elf, symbol: str, index: int = 0) -> int:
     offset = elf.symbol(symbol).address - 0x20000000 + 4 * index
     return int(struct.unpack_from("<I", machine.cpu.ram, offset)[0])

@@ -55,16 +55,6 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-@pytest.fixture(scope="module")
-def elf() -> Elf:
-    return Elf(BUILD / "firmware.elf")
-
-
-@pytest.fixture(scope="module")
-def image() -> bytes:
-    return (BUILD / "firmware.bin").read_bytes()
-
-
 def areas(elf: Elf) -> list[range]:
     """Addresses of the checked words: what changes with every turn, and the parameters."""
     names = ("guarded", "guarded_parameters")

@@ -22,6 +22,7 @@ from plumb.spec import parameters
 from support.campaigns import campaign
 from support.image_patches import patched
 from support.pins import at_rest
+from support.power import lose_power
 
 BUILD = Path(__file__).parents[2] / "build/stm32f103"
 BOOT_US = 30_000
@@ -35,16 +36,6 @@ RETURN = struct.pack("<H", 0x4770)
 pytestmark = pytest.mark.skipif(
     not (BUILD / "firmware.elf").exists(), reason="the flash image is not built: run make image"
 )
-
-
-@pytest.fixture(scope="module")
-def elf() -> Elf:
-    return Elf(BUILD / "firmware.elf")
-
-
-@pytest.fixture(scope="module")
-def image() -> bytes:
-    return (BUILD / "firmware.bin").read_bytes()
 
 
 def delay(us: int) -> bytes:
@@ -125,15 +116,6 @@ def test_armed_and_missing_steps_without_disarming_is_reset(image: bytes, elf: E
     assert identity(machine)["FAULTS"] & WATCHDOG_FAULT
 
 
-def cut(machine: Machine, brown: bool) -> None:
-    if brown:
-        machine.brown_out()
-    else:
-        machine.power_cut()
-        machine.advance_us(1000)
-        machine.power_on()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
 def test_power_fails_at_any_cycle_of_the_start(image: bytes, brown: bool) -> None:
@@ -143,7 +125,7 @@ def test_power_fails_at_any_cycle_of_the_start(image: bytes, brown: bool) -> Non
     for _ in range(campaign(25, 60)):
         machine.reset()
         machine.run_to(machine.now + chance.randrange(8_000 * 40320))
-        cut(machine, brown)
+        lose_power(machine, brown)
         machine.advance_us(BOOT_US)
         assert at_neutral(machine)
     told = identity(machine)
@@ -161,7 +143,7 @@ def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
     for _ in range(5):
         machine.restore(snapshot)
         machine.run_to(machine.now + chance.randrange(5_000 * 40320))
-        cut(machine, brown)
+        lose_power(machine, brown)
         seen = set()
         for _look in range(300):
             machine.advance_us(100)

@@ -10,14 +10,7 @@ import pytest
 from plumb.cockpit.arming import Arming
 from plumb.cockpit.hold import TAKEN_OVER_AFTER_S, TICKS_KEPT, TIMEOUT_S, Hold
 from plumb.link.session import Session
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from support.hand_clock import Clock
 
 
 @pytest.fixture

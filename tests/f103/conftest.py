@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.f103_program import Board
+from support.flash_image import image_path
 
 HERE = Path(__file__).parent
 COMPILER = "arm-none-eabi-gcc"
@@ -40,6 +41,12 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
         return done[name]
 
     return build_one
+
+
+@pytest.fixture(scope="session")
+def image() -> Path:
+    """The flash image of the product."""
+    return image_path()
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from plumb.f103.core.timeline import TICKS_PER_US
 from support.balancer_bench import BOOT_US, Balancer
 from support.campaigns import campaign
 from support.kept import as_made
+from support.power import lose_power
 
 FAULT_BRIDGE, FAULT_HALL, FAULT_SENSOR = 0x10, 0x20, 0x40
 CAUSE_FAULT, CAUSE_SILENCE, CAUSE_COMMAND, CAUSE_SWITCH = 1 << 3, 1 << 5, 1 << 6, 1 << 8
@@ -102,12 +103,7 @@ def test_power_loss_at_any_cycle_switches_the_bridge_off(brown: bool) -> None:
     for _ in range(campaign(2, 10)):
         balancer.arm()
         machine.run_to(machine.now + chance.randrange(20_000 * TICKS_PER_US))
-        if brown:
-            machine.brown_out()
-        else:
-            machine.power_cut()
-            machine.advance_us(1000)
-            machine.power_on()
+        lose_power(machine, brown)
         machine.advance_us(1)
         assert not balancer.driving
         begin = machine.now

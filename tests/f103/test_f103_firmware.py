@@ -11,9 +11,7 @@ import pytest
 from plumb.link.identity import Identity
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
-from plumb.errors import UsageError
 from plumb.f103 import Machine
-from plumb.flash.image import find_image
 from plumb.link.lockstep import Lockstep
 from plumb.link.session import Session
 from plumb.spec.parameters import table
@@ -21,14 +19,6 @@ from plumb.spec.parameters import table
 STEPS = 200
 START_US = 200_000
 """Long enough for the firmware to give up waiting for a dead crystal."""
-
-
-@pytest.fixture(scope="module")
-def image() -> Path:
-    try:
-        return find_image()
-    except UsageError as error:
-        pytest.skip(str(error))
 
 
 class Recorder:

@@ -9,10 +9,9 @@ import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb.boards.strap import set_strap
-from plumb.errors import LinkError, UsageError
+from plumb.errors import LinkError
 from plumb.f103 import Machine
 from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS
-from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec.parameters import table
 from support.pins import at_rest
@@ -25,14 +24,6 @@ READY_US = 1_000_000
 FAULT_BRIDGE, FAULT_HALL = 0x10, 0x20
 BLOCKED_PINS = 1 << 9
 SWITCH = "PC14"
-
-
-@pytest.fixture(scope="module")
-def image() -> Path:
-    try:
-        return find_image()
-    except UsageError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture

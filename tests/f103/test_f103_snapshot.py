@@ -16,16 +16,15 @@ pytest.importorskip("unicorn")
 from plumb import systems
 from plumb.boards import plant_on_pins
 from plumb.boards.virtual import VirtualBoard
-from plumb.errors import UsageError
 from plumb.f103.attached.canwire import BIT_RECESSIVE
 from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot, wiring
-from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.systems.contracts import PINS
 from plumb.tuning import quantise
+from support.flash_image import image_path
 
 TRAFFIC_S = 0.05
 LOOK_US = 100
@@ -33,10 +32,7 @@ LOOK_US = 100
 
 @pytest.fixture(scope="module")
 def image() -> bytes:
-    try:
-        return find_image().read_bytes()
-    except UsageError as error:
-        pytest.skip(str(error))
+    return image_path().read_bytes()
 
 
 @pytest.fixture(scope="module", params=[("quad", "serial"), ("balancer", "can")], ids=lambda param: "-".join(param))

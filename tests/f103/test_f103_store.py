@@ -12,11 +12,10 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
-from plumb.errors import LinkError, UsageError
+from plumb.errors import LinkError
 from plumb.f103 import Machine
 from plumb.f103.peripherals.flash import LOCK, torn
 from plumb.flash.elf import Elf
-from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec import parameters
 from support.campaigns import LONG
@@ -25,14 +24,6 @@ Operation = tuple[int, bytes]
 """Offset in the two slots, and the bytes that are there afterwards: ff is erased."""
 
 SLOTS, SLOT = 0xF000, 0x800
-
-
-@pytest.fixture(scope="module")
-def image() -> Path:
-    try:
-        return find_image()
-    except UsageError as error:
-        pytest.skip(str(error))
 
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]

@@ -20,7 +20,6 @@ from plumb.errors import UsageError
 from plumb.f103.attached.canwire import WireFrame, frame_bits, frame_levels
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.waveforms import VcdTrace
-from plumb.flash.image import find_image
 from plumb.link.monitor import begin_live
 from plumb.link.transports.slcan import frame_of_line
 from plumb.spec.protocol import Frame, check
@@ -159,14 +158,6 @@ def live(system: str, link: str, path: Path | None) -> tuple[list[Frame], Seen]:
             trace.close()
         board.session.end()
     return frames, seen
-
-
-@pytest.fixture(scope="module")
-def image() -> Path:
-    try:
-        return find_image()
-    except UsageError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="module")

@@ -21,13 +21,13 @@ from plumb.__main__ import main
 from plumb.boards.serve import run_paced
 from plumb.boards.strap import set_strap
 from plumb.boards.virtual_machine import open_machine
-from plumb.errors import LinkError, UsageError
+from plumb.errors import LinkError
 from plumb.f103.machine import Machine
 from plumb.flash import rom_loader
-from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.link.transports.server_endpoint import PtyEndpoint
 from plumb.spec import parameters
+from support.flash_image import image_path
 from support.pins import at_rest
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
@@ -36,10 +36,7 @@ HEADER_HASH = 0x130 + 12
 
 @pytest.fixture(scope="module")
 def image() -> bytes:
-    try:
-        return find_image().read_bytes()
-    except UsageError as error:
-        pytest.skip(str(error))
+    return image_path().read_bytes()
 
 
 @pytest.fixture

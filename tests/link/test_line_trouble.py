@@ -10,11 +10,10 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb.errors import UsageError
 from plumb.f103.machine import Machine
-from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec.parameters import control_part
+from support.flash_image import image_path
 from support.pins import at_rest
 
 NEUTRAL_US = 1000.0
@@ -36,11 +35,7 @@ TROUBLES: dict[str, Trouble] = {
 
 @pytest.fixture
 def machine() -> Iterator[Machine]:
-    try:
-        image = find_image()
-    except UsageError as error:
-        pytest.skip(str(error))
-    machine = Machine(image)
+    machine = Machine(image_path())
     at_rest(machine)
     machine.advance_us(30_000)
     yield machine

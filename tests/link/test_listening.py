@@ -10,16 +10,7 @@ from plumb.link import monitor
 from plumb.link.listening import LATEST, BoardWait, Listening
 from plumb.link.monitor import EVERY_S, SILENCE_S, require_heard
 from plumb.link.session import Session
-
-
-class Clock:
-    """The time of a test."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from support.hand_clock import Clock
 
 
 @pytest.fixture

@@ -10,30 +10,19 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from plumb.boards.virtual_can import MachineBus
-from plumb.errors import UsageError
 from plumb.f103.machine import Machine
-from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
-from support.pins import at_rest
-from support.sessions import BOOT_US, CONTROL, STEER, listen, opened, refusal, used_setpoints
-
-try:
-    find_image()
-except UsageError as missing:
-    pytest.skip(str(missing), allow_module_level=True)
+from support.sessions import CONTROL, STEER, booted, listen, opened, refusal, used_setpoints
 
 LINKS = ["serial", "can"]
 
 
 @pytest.fixture
 def machine() -> Machine:
-    started = Machine(find_image())
-    at_rest(started)
-    started.advance_us(BOOT_US)
-    return started
+    return booted()
 
 
 def stranger(machine: Machine, link: str) -> Session:

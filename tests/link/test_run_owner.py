@@ -10,7 +10,6 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from plumb.boards.virtual_can import MachineBus
-from plumb.errors import UsageError
 from plumb.f103.machine import Machine
 from plumb.flash.image import find_image
 from plumb.link.identity import NackError
@@ -19,13 +18,7 @@ from plumb.link.session import Session
 from plumb.spec import parameters
 from support.native_board import AT_REST
 from support.noise import with_noise
-from support.pins import at_rest
-from support.sessions import BOOT_US, CONTROL, STEER, listen, refusal, used_setpoints
-
-try:
-    find_image()
-except UsageError as missing:
-    pytest.skip(str(missing), allow_module_level=True)
+from support.sessions import BOOT_US, CONTROL, STEER, booted, listen, refusal, used_setpoints
 
 ROLES = ["serial owns", "can owns"]
 PERIOD_US = 5000
@@ -35,10 +28,7 @@ NEUTRAL_US = 1000.0
 
 @pytest.fixture
 def machine() -> Machine:
-    started = Machine(find_image())
-    at_rest(started)
-    started.advance_us(BOOT_US)
-    return started
+    return booted()
 
 
 def both(machine: Machine, role: str) -> tuple[Session, Session]:

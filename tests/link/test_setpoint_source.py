@@ -8,18 +8,11 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from plumb.boards.virtual_can import MachineBus
-from plumb.errors import LinkError, UsageError
+from plumb.errors import LinkError
 from plumb.f103.machine import Machine
-from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
-from support.pins import at_rest
-from support.sessions import BOOT_US, CONTROL, STEER, listen, opened
-
-try:
-    find_image()
-except UsageError as missing:
-    pytest.skip(str(missing), allow_module_level=True)
+from support.sessions import CONTROL, STEER, booted, listen, opened
 
 PERIOD_US = 5000
 LIMIT_S = 0.2
@@ -43,10 +36,7 @@ class Reports:
 
 @pytest.fixture
 def machine() -> Machine:
-    started = Machine(find_image())
-    at_rest(started)
-    started.advance_us(BOOT_US)
-    return started
+    return booted()
 
 
 def flying(session: Session, hold_ms: int = 0) -> Reports:

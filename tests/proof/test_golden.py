@@ -22,6 +22,7 @@ from plumb.proof.golden import Vector
 from plumb.proof.golden_file import sealed
 from plumb.spec.records import Words
 from support.campaigns import campaign
+from support.golden_folder import folder_of
 
 FOLDER = Path(__file__).parents[1] / "vectors"
 ENTRIES = golden_recipe.read(FOLDER)
@@ -50,10 +51,7 @@ on_link = true
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("made")
-    (folder / golden_recipe.RECIPE).write_text(SMALL)
-    golden.make(folder)
-    return folder
+    return folder_of(SMALL, tmp_path_factory)
 
 
 @pytest.fixture

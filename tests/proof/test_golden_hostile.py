@@ -28,6 +28,7 @@ from plumb.spec import declarations
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning import quantise
 from support.campaigns import campaign
+from support.golden_folder import folder_of
 
 FOLDER = Path(__file__).parents[1] / "vectors"
 RECIPE = """
@@ -52,10 +53,7 @@ steps = 30
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("made")
-    (folder / golden_recipe.RECIPE).write_text(RECIPE)
-    golden.make(folder)
-    return folder
+    return folder_of(RECIPE, tmp_path_factory)
 
 
 @pytest.fixture

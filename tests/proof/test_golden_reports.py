@@ -29,6 +29,7 @@ from plumb.proof.golden_junit import junit, xml_text
 from plumb.proof.golden_page import page
 from plumb.spec.records import Words
 from plumb.systems import run_fixed
+from support.golden_folder import folder_of
 
 ROOT = Path(__file__).parents[2]
 PYTHON = sys.executable
@@ -56,10 +57,7 @@ steps = 30
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("vectors")
-    (made / "recipe.toml").write_text(RECIPE)
-    golden.make(made)
-    return made
+    return folder_of(RECIPE, tmp_path_factory)
 
 
 class Wrong(NativeBoard):

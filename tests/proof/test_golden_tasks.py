@@ -20,6 +20,7 @@ from plumb.proof import golden, golden_recipe
 from plumb.proof.golden_file import SUFFIX, Vector, sealed
 from plumb.systems import run_tasks
 from plumb.systems.tasks import KINDS, Task
+from support.golden_folder import folder_of
 
 FOLDER = Path(__file__).parents[1] / "vectors"
 ENTRIES = [entry for entry in golden_recipe.read(FOLDER) if entry.kind != "step"]
@@ -33,10 +34,7 @@ RECIPE = "".join(
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("made")
-    (folder / golden_recipe.RECIPE).write_text(RECIPE)
-    golden.make(folder)
-    return folder
+    return folder_of(RECIPE, tmp_path_factory)
 
 
 @pytest.fixture

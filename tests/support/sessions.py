@@ -12,7 +12,9 @@ from plumb.f103.machine import Machine
 from plumb.link.identity import NackError
 from plumb.link.session import Session
 from plumb.spec import parameters
+from support.flash_image import image_path
 from support.native_board import NativeBoard
+from support.pins import at_rest
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 """The control words of the default table."""
@@ -74,3 +76,11 @@ class BadLine:
             kind = self._rng.randrange(3)
             out += bytes([byte ^ 1 << self._rng.randrange(8)]) if kind == 0 else bytes([byte]) * (kind - 1) * 2
         return bytes(out)
+
+
+def booted() -> Machine:
+    """A board of this image whose sensors rest, ready to be greeted."""
+    machine = Machine(image_path())
+    at_rest(machine)
+    machine.advance_us(BOOT_US)
+    return machine
