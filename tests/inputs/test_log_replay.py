@@ -239,6 +239,7 @@ def test_a_board_that_takes_no_parameters_in_lockstep_verifies_the_steps_before(
         """As a board behind a link."""
 
         name = "plain"
+        words, controller = NativeCore.words, NativeCore.controller
         run_injected, words_of_step = NativeCore.run_injected, NativeCore.words_of_step
         stepper = NativeCore.stepper
 
