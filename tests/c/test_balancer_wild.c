@@ -11,11 +11,7 @@
 static plumb_params_t wild(void) {
     params_t all;
     do {
-        params_default(&all);
-        for (uint16_t i = 0; i < sizeof all.control / 4U; i++)
-            if (check_random() % 2U == 0U)
-                wild_word(&all, i);
-        all.control.system = PLUMB_SYSTEM_BALANCER;
+        wild_control(&all, PLUMB_SYSTEM_BALANCER);
         const int32_t edge = all.control.wheel.edge_mps_q26;
         if (check_random() % 2U == 0U && edge > (1 << 15))
             all.control.wheel.edges_max = (int32_t)(WHEEL_SPEED_LIMIT / edge);

@@ -9,11 +9,7 @@
 static plumb_params_t wild(void) {
     params_t all;
     do {
-        params_default(&all);
-        for (uint16_t i = 0; i < sizeof all.control / 4U; i++)
-            if (check_random() % 2U == 0U)
-                wild_word(&all, i);
-        all.control.system = PLUMB_SYSTEM_PHONE;
+        wild_control(&all, PLUMB_SYSTEM_PHONE);
         all.control.phone.rates =
             check_random() % 4U != 0U ? PLUMB_PHONE_EULER_RATES : PLUMB_PHONE_BODY_RATES;
     } while (!control_params_valid(&all.control));

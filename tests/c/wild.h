@@ -19,6 +19,15 @@ static inline void wild_word(params_t *all, uint16_t index) {
     }
 }
 
+/* A table of this system in which about half of the control core's words are wild. */
+static inline void wild_control(params_t *all, uint32_t system) {
+    params_default(all);
+    for (uint16_t i = 0; i < sizeof all->control / 4U; i++)
+        if (check_random() % 2U == 0U)
+            wild_word(all, i);
+    all->control.system = system;
+}
+
 /* Word `index` of the table: the upper or the lower end of its range, found from the value that is there. */
 static inline void wild_end(params_t *all, uint16_t index, bool upper) {
     const uint32_t from = params_word(all, index);
