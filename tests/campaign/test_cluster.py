@@ -80,7 +80,7 @@ def test_a_worker_of_another_version_is_refused_in_a_sentence(tmp_path: Path) ->
     with (
         scheduler(tmp_path) as address,
         started(worker(address), **{CORE_VARIABLE: str(other)}),
-        pytest.raises(UsageError, match=r"worker tcp\S+ is of another version .core_sha256 [^ ]+, here [^ ]+.: install"),
+        pytest.raises(UsageError, match=r"worker tcp\S+ is of another version .core_sha256 \S+, here \S+.: install"),
     ):
         rows(from_table(STUDY), Where(scheduler=address))
 

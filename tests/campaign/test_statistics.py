@@ -50,6 +50,14 @@ def test_a_difference_below_the_spread_is_found_by_pairs() -> None:
         against.compare(here, results(noise, range(1000, 1400)))
 
 
+def test_the_share_of_the_runs_that_keep_a_limit() -> None:
+    (found,) = statistics.shares(results(np.array([1.0] * 95 + [3.0] * 4 + [np.nan]), range(100)), {"error_deg": 2.0})
+    assert (found.kept, found.runs) == (95, 100)
+    assert (round(found.low, 3), round(found.high, 3)) == (0.888, 0.978)
+    with pytest.raises(UsageError, match=r"limits.error: no run has it; there are error_deg"):
+        statistics.shares(results(np.array([1.0]), range(1)), {"error": 2.0})
+
+
 def test_the_factor_that_moves_a_figure_is_named() -> None:
     rng = np.random.default_rng(4)
     delay_ms, other = rng.uniform(0.0, 10.0, 800), [f"{one}" for one in rng.integers(0, 4, 800)]

@@ -61,7 +61,7 @@ def test_settings_of_a_tuning_are_replaced_by_their_path() -> None:
     declared = from_table({"system": "quad", "runs": 2, "vary": {"tuning.trust.r_deg2": [0.5, 1.5]}}, "own.toml")
     tuning = declared.request(1).tuning
     assert getattr(tuning, "trust").r_deg2 == 1.5  # noqa: B009  (a tuning of any system)
-    assert declared.command(1) == "plumb campaign own.toml --only 1"
+    assert declared.command(1) == "plumb campaign own.toml --only 1 --runs 2 --first-seed 1000"
 
 
 def test_the_command_of_a_run_repeats_it() -> None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from plumb.campaign.against import Difference
 from plumb.campaign.results import Results
 from plumb.campaign.statistics import Effect, Figure, worst
 from plumb.campaign.study import Study
@@ -25,13 +24,13 @@ def text(
     results: Results,
     figures: Mapping[str, Figure],
     effects: Sequence[Effect],
-    differences: Sequence[Difference],
+    said: Sequence[Statement],
     identity: Mapping[str, object],
 ) -> str:
-    """The page."""
+    """The page. said: statements besides how many runs there are."""
     done = len(results) - len(results.failed)
     statements = [Statement("runs", f"{done} of {len(results)} were run to their end", done == len(results))]
-    statements += [Statement("against the other campaign", str(one), None) for one in differences]
+    statements += said
     parts: list[Plot | XyPlot | Table] = [figure_table(figures)]
     parts += [distribution(name, results.metrics[name]) for name in figures if _spread(results.metrics[name])]
     parts += [effect_table(effects)] if effects else []

@@ -10,10 +10,11 @@ from typing import Any
 from plumb.campaign import against, page, results, statistics
 from plumb.campaign.against import Difference
 from plumb.campaign.results import Results
-from plumb.campaign.statistics import Effect, Figure
+from plumb.campaign.statistics import Effect, Figure, Share
 from plumb.campaign.study import Study
 from plumb.errors import UsageError
 from plumb.proof import run_identity
+from plumb.proof.report import Statement
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Report:
     figures: Mapping[str, Figure]
     effects: Sequence[Effect]
     differences: Sequence[Difference]
+    shares: Sequence[Share]
     identity: dict[str, Any]
 
     def to_json(self) -> dict[str, Any]:
@@ -47,6 +49,7 @@ class Report:
                 {"factor": one.factor, "metric": one.metric, "share": one.share, "levels": one.levels}
                 for one in self.effects
             ],
+            **({"limits": [one.to_json() for one in self.shares]} if self.shares else {}),
             **({"against": [one.to_json() for one in self.differences]} if self.differences else {}),
         }
 
@@ -64,6 +67,7 @@ class Report:
             lines.append(f"largest {first[0]}: {self.study.command(first[1].worst_index)}")
         for most in self.effects[:5]:
             lines.append(f"{most.factor} explains {100.0 * most.share:.0f} % of the variance of {most.metric}")
+        lines += [str(one) for one in self.shares]
         lines += [f"against: {one}" for one in self.differences]
         for place in self.results.failed[:5]:
             command = self.study.command(int(self.results.index[place]))
@@ -76,7 +80,9 @@ class Report:
         """Name -> content of the files of a folder."""
         about = {"identity": self.identity, "study": self.study.to_json(), "study_sha256": self.study.sha256()}
         summary = {**self.to_json(), **about}
-        html = page.text(self.study, self.results, self.figures, self.effects, self.differences, self.identity)
+        said = [Statement("limit", str(one), None) for one in self.shares]
+        said += [Statement("against the other campaign", str(one), None) for one in self.differences]
+        html = page.text(self.study, self.results, self.figures, self.effects, said, self.identity)
         try:
             table: dict[str, str | bytes] = {"runs.parquet": results.parquet_bytes(self.results, about)}
         except UsageError:
@@ -93,5 +99,6 @@ def of(study: Study, found: Results, part: Mapping[str, object], command: str, o
         figures,
         statistics.effects(found, list(figures)),
         against.compare(found, other) if other is not None else [],
+        statistics.shares(found, study.limits),
         {**run_identity.identity({"board": "native", **part}, None, command), "study_sha256": study.sha256()},
     )

@@ -6,6 +6,7 @@ An interval is that of the mean: it has the true mean of all seeds in 95 % of ca
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,12 +14,14 @@ from typing import Any
 import numpy as np
 
 from plumb.campaign.results import Results
+from plumb.errors import UsageError
 from plumb.spec.arrays import FloatArray
 
 RESAMPLES = 2000
 BLOCKS = 10_000
 """Runs that a resampling draws from; of more, means of equal stretches."""
 LOW, HIGH = 2.5, 97.5
+NORMAL_95 = 1.959964
 BINS = 8
 """Equal parts of a range, whose means show what the factor does."""
 WORST = 10
@@ -99,6 +102,43 @@ def worst(results: Results, metric: str) -> list[tuple[int, int, float]]:
         for place in order
         if np.isfinite(values[place])
     ]
+
+
+@dataclass(frozen=True)
+class Share:
+    """Part of the runs that keep the limit of a metric. low, high: 95 % interval of the part of all seeds (Wilson)."""
+
+    metric: str
+    limit: float
+    kept: int
+    runs: int
+    low: float
+    high: float
+
+    def to_json(self) -> dict[str, object]:
+        return {**asdict(self), "share": self.kept / self.runs}
+
+    def __str__(self) -> str:
+        return (
+            f"{100.0 * self.kept / self.runs:.1f} % of the runs have {self.metric} of at most {self.limit:g} "
+            f"({100.0 * self.low:.1f} to {100.0 * self.high:.1f} %)"
+        )
+
+
+def shares(results: Results, limits: Mapping[str, float]) -> list[Share]:
+    """Of every limit; a run without the figure, or that failed, does not keep it. Raises UsageError for a metric that
+    no run has."""
+    found = []
+    for metric, limit in limits.items():
+        if metric not in results.metrics:
+            known = ", ".join(results.metrics)
+            raise UsageError(f"limits.{metric}: no run has it; there are {known}")
+        kept, runs = int(np.count_nonzero(results.metrics[metric] <= limit)), len(results)
+        part, square = kept / runs, NORMAL_95**2
+        centre = (part + square / (2.0 * runs)) / (1.0 + square / runs)
+        half = NORMAL_95 * math.sqrt(part * (1.0 - part) / runs + square / (4.0 * runs**2)) / (1.0 + square / runs)
+        found.append(Share(metric, limit, kept, runs, max(0.0, centre - half), min(1.0, centre + half)))
+    return found
 
 
 @dataclass(frozen=True)

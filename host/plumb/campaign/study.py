@@ -62,6 +62,8 @@ class Study:
     draw: str = GRID
     draw_seed: int = 1
     vary: tuple[Factor, ...] = ()
+    limits: Mapping[str, float] = field(default_factory=dict)
+    """Metric -> the most that a run may have; the share of the runs that keep it is reported."""
     reference: bool = False
     confirm: str | None = None
     path: str | None = None
@@ -72,7 +74,13 @@ class Study:
         plain = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
         del plain["path"]
         vary = {factor.name: factor.to_json() for factor in self.vary}
-        return {**plain, "faults": list(self.faults), "conditions": dict(self.conditions), "vary": vary}
+        return {
+            **plain,
+            "faults": list(self.faults),
+            "conditions": dict(self.conditions),
+            "vary": vary,
+            "limits": dict(self.limits),
+        }
 
     def sha256(self) -> str:
         return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
@@ -115,16 +123,21 @@ class Study:
 
     def command(self, index: int) -> str:
         """The command line that repeats run `index`."""
-        if any(factor.name.startswith(SETTING) for factor in self.vary):
-            return shlex.join(["plumb", "campaign", self.path or "STUDY.toml", "--only", str(index)])
+        repeated = any(factor.name.startswith(SETTING) for factor in self.vary)
         asked = self.request(index)
-        words = ["plumb", "run", asked.system, "--board", "native", "--seed", str(asked.seed)]
-        for option, value in (("--scenario", asked.scenario), ("--tuning", asked.tuning), ("--start", asked.start)):
-            words += [option, str(value)] if value else []
-        words += ["--seconds", f"{asked.seconds:g}"] if asked.seconds is not None else []
-        words += [word for text in asked.conditions for word in ("--condition", text)]
-        words += [word for text in asked.faults for word in ("--fault", text)]
-        return shlex.join([*words, *(["--open-loop"] if asked.open_loop else [])])
+        scenario, tuning, conditions, faults = asked.scenario, asked.tuning, asked.conditions, asked.faults
+        words = ["plumb", "run", self.system, "--board", "native", "--seed", str(asked.seed)]
+        if repeated:  # no other command has the settings of a tuning
+            words = ["plumb", "campaign", self.path or "STUDY.toml", "--only", str(index), "--runs", str(self.runs)]
+            words += ["--first-seed", str(self.first_seed)]
+            scenario, tuning, faults = self.scenario, self.tuning, list(self.faults)
+            conditions = [f"{name}={number!r}" for name, number in self.conditions.items()]
+        for option, value in (("--scenario", scenario), ("--tuning", tuning), ("--start", asked.start)):
+            words += [option, str(value)] if value and not (repeated and option == "--start") else []
+        words += ["--seconds", f"{self.seconds:g}"] if self.seconds is not None else []
+        words += [word for text in conditions for word in ("--condition", text)]
+        words += [word for text in faults for word in ("--fault", text)]
+        return shlex.join([*words, *(["--open-loop"] if self.open_loop else [])])
 
 
 def _texts(value: Value) -> tuple[str, ...]:
@@ -167,8 +180,8 @@ def _replaced(settings: Any, path: list[str], value: float, of: str) -> Any:  # 
 
 KEYS: dict[str, type] = {
     "system": str, "runs": int, "first_seed": int, "seconds": float, "open_loop": bool, "scenario": str, "tuning": str,
-    "start": str, "faults": list, "conditions": dict, "draw": str, "draw_seed": int, "vary": dict, "reference": bool,
-    "confirm": str,
+    "start": str, "faults": list, "conditions": dict, "draw": str, "draw_seed": int, "vary": dict, "limits": dict,
+    "reference": bool, "confirm": str,
 }  # fmt: skip
 """Entries of a study and their kinds."""
 KINDS: dict[type, str] = {
@@ -210,13 +223,14 @@ def _built(table: Mapping[str, Any], path: str | None) -> Study:
     given = dict(table)
     given["vary"] = tuple(factor_of(name, value) for name, value in _flat(given.get("vary", {})).items())
     given["faults"] = tuple(given.get("faults", ()))
-    given["conditions"] = {name: _real(name, value) for name, value in given.get("conditions", {}).items()}
+    for entry in ("conditions", "limits"):
+        given[entry] = {name: _real(f"{entry}.{name}", value) for name, value in given.get(entry, {}).items()}
     return Study(**given, path=path)
 
 
 def _real(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise UsageError(f"conditions.{name} = {value!r}: it is a number")
+        raise UsageError(f"{name} = {value!r}: it is a number")
     return float(value)
 
 

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KIND[:WHAT]@START[-STOP]",
-        help="fault of every run; repeatable",
+        help="fault of every run, instead of the study's; repeatable",
     )
     options.add_open_loop(parser)
     parser.add_argument("--reference", action="store_true", help="compare every run with the float64 reference, too")
@@ -77,7 +77,7 @@ def _study(arguments: argparse.Namespace) -> Study:
                 raise UsageError(f"'{text}' sets nothing; write {name}=NUMBER") from None
         table["conditions"] = conditions
     if arguments.fault:
-        table["faults"] = [*table.get("faults", []), *arguments.fault]
+        table["faults"] = arguments.fault
     table["open_loop"] = arguments.open_loop or table.get("open_loop", False)
     table["reference"] = arguments.reference or table.get("reference", False)
     return study.from_table(table, given if declared else None)
