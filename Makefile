@@ -1,6 +1,6 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
-.PHONY: help demo setup test test-fast test-long test-times pytest release-trial image images libraries native c-tests sanitize fuzz size check-style \
+.PHONY: help demo setup test confirm-campaigns test-fast test-long test-times pytest release-trial image images libraries native c-tests sanitize fuzz size check-style \
     lint-workflows format generate docs wheel summary clean
 .DEFAULT_GOAL := help
 
@@ -63,6 +63,12 @@ images: ## the flash images by name, each system alone, sets, all; each checked;
 	@$(VENV)/python tools/build_images.py $(NAMES)
 
 # The C core on this machine: the shared library that Python loads, and the C tests.
+CONFIRMED_RUNS := 1000
+confirm-campaigns: ## CONFIRMED_RUNS short runs of each system, every step once more on the virtual board
+	@$(MAKE) --no-print-directory image libraries
+	@for system in $$($(VENV)/python -c 'from plumb.spec import declarations; print(*declarations.names())'); do \
+	    $(VENV)/plumb campaign $$system --runs $(CONFIRMED_RUNS) --seconds 4 --confirm virtual || exit 1; done
+
 native: ## the C core on this machine, and the C tests
 	@cmake --preset native $(QUIET)
 	@cmake --build --preset native $(QUIET)

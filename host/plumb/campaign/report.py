@@ -17,6 +17,10 @@ from plumb.proof import run_identity
 from plumb.proof.report import Statement
 
 
+CONFIRMED = "confirmed_mismatches"
+"""Steps that another board gives otherwise."""
+
+
 @dataclass(frozen=True)
 class Report:
     """part: what ran the batches, by name."""
@@ -62,7 +66,7 @@ class Report:
                 f"  {name:<{width}}  {one.mean:.4g} ({one.low:.4g} to {one.high:.4g})  "
                 f"5 % {one.p05:.4g}, 95 % {one.p95:.4g}, largest {one.max:.4g}"
             )
-        first = next(iter(self.figures.items()), None)
+        first = next(((name, one) for name, one in self.figures.items() if name != CONFIRMED), None)
         if first is not None:
             lines.append(f"largest {first[0]}: {self.study.command(first[1].worst_index)}")
         for most in self.effects[:5]:
