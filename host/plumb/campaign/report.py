@@ -16,7 +16,6 @@ from plumb.errors import UsageError
 from plumb.proof import run_identity
 from plumb.proof.report import Statement
 
-
 CONFIRMED = "confirmed_mismatches"
 """Steps that another board gives otherwise."""
 
