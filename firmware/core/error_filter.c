@@ -118,20 +118,22 @@ void plumb_error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, i
     }
 }
 
-void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint32_t variance_q32,
+void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint64_t variance_q32,
                               int32_t measured_q28) {
     int32_t *const covariance = e->covariance_q32;
     for (unsigned i = 0; i < STATES; i++)
         e->measured_row_q32[i] = i <= at ? row_of(covariance, at)[i] : row_of(covariance, i)[at];
 
-    const uint32_t sum = max_u32((uint32_t)e->measured_row_q32[at] + variance_q32, 1U);
+    const uint64_t exact = (uint32_t)e->measured_row_q32[at] + variance_q32;
+    const unsigned coarse = hi_u64(exact) != 0U ? 4U : 0U;
+    const uint32_t sum = max_u32((uint32_t)(exact >> coarse), 1U);
     const int32_t innovation =
         clamp_i32(sub_wrap(measured_q28, e->correction_q28[at]), -INNOVATION_LIMIT_Q28, INNOVATION_LIMIT_Q28);
     /* innovation^2 Q32 against the variance of the innovation */
     const bool beyond = at < SCALE && (uint64_t)mul_i64(innovation, innovation) >> 24 > mul_u64(GATE, sum);
     /* gain: upper word of row * inverse, times 2^shift */
-    const unsigned n = clz32(sum), shift = n < 2U ? 0U : n - 2U;
-    const int32_t inverse = beyond ? 0 : (int32_t)(reciprocal_q61(sum << n >> 1) >> (n < 2U ? 2U - n : 0U));
+    const unsigned n = clz32(sum), one = 2U + coarse, shift = n < one ? 0U : n - one;
+    const int32_t inverse = beyond ? 0 : (int32_t)(reciprocal_q61(sum << n >> 1) >> (n < one ? one - n : 0U));
     const int32_t limit = INT32_MAX >> shift;
     for (unsigned i = 0; i < STATES; i++) {
         const int32_t gain_q28 =

@@ -32,8 +32,8 @@ void plumb_error_filter_grow_tilt(plumb_error_filter_t *e, unsigned axis);
 void plumb_error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, int32_t scale_growth_q32);
 
 /* Gains and corrections of one scalar measurement: that the error of state `at` is measured_q28, of that
- * variance. One of a bias that is beyond five sigmas changes nothing: the body turns. */
-void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint32_t variance_q32,
+ * variance, below 2^35. One of a bias that is beyond five sigmas changes nothing: the body turns. */
+void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint64_t variance_q32,
                               int32_t measured_q28);
 
 /* The covariance after that measurement: less gain times row. */

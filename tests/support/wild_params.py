@@ -151,6 +151,6 @@ def wild_attitude_params(rng: np.random.Generator) -> ControlParams:
     longest = min(LONGEST_BLOCK_Q33 // steps, values["attitude.dt_s_q33"])
     values |= {"attitude.block_steps": steps, "attitude.dt_s_q33": max(longest, 8589934)}
     values["attitude.half_angle"] = min((1 << 34) // steps, values["attitude.half_angle"])
-    for name in ("rest_blocks", "lost_blocks"):
+    for name in ("rest_blocks",):
         values[f"attitude.{name}"] = 1 if rng.random() < 0.4 else log_uniform(rng, 1, 255)
     return ControlParams.of("attitude", values)

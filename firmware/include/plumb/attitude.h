@@ -5,9 +5,12 @@
  * of the gyro, tilt, horizontal velocity) takes the sums and corrects attitude, bias, scale and velocity.
  *
  * The filter measures one thing: that a body does not move away, so that the integral of its horizontal
- * acceleration stays small. A block is about 0.12 s; its covariance is computed in slices, one a step, while
- * the next block is summed up. docs/systems/attitude.md derives the equations,
- * docs/reference/arithmetic/attitude.md gives every word.
+ * acceleration stays small. A velocity that lasts weakens that measurement. A block is about 0.12 s; its
+ * covariance is computed in slices, one a step, while the next block is summed up. docs/systems/attitude.md
+ * derives the equations, docs/reference/arithmetic/attitude.md gives every word.
+ *
+ * A vehicle with rotors may declare an aid, the drag of its rotors: in flight it measures the velocity
+ * instead (R. Leishman et al., Quadrotors and accelerometers, IEEE Control Systems 34(1), 2014).
  *
  * raw: gyro x, y, z (group gyro, turn/s Q28, within +-7), acceleration x, y, z (group accel, g Q26); counts
  * of -32768: no sample. The heading of the quaternion is the integrated gyro's. The system drives no pin.
@@ -36,13 +39,26 @@ typedef struct {
     uint32_t energy_q24;          /* of the block so far: squares of the half angles */
     int32_t half_sixth_q32[3];    /* of the step before: a sixth of the half angle */
     int32_t accel_sixth_q25[3];   /* of the step before */
-    uint32_t seen_flags;          /* of the block so far: flags of its steps */
+    int32_t tilt_added_q32;       /* of the block so far: variance by gaps and clipped rates, rad^2 */
+    int32_t velocity_added_q26;   /* the same by accelerations, g^2 s^2 */
+    uint32_t gyro_slope_q32;      /* of a run of clipped rates: square of the slope, a 36th of rad^2 a step */
+    uint32_t accel_slope_q18;     /* of a run of clipped accelerations: a 36th of g^2 a step */
+    int32_t thrust_sum_q18[2];    /* of the block so far: acceleration along the body's z, earth axes, g */
+    int32_t measured_gs_q28[2];   /* velocity that the last block is measured to have */
+    int32_t travel_gs_q28[2];     /* low-pass of the velocity */
+    int32_t travel_excess_q24;    /* square of it beyond what is expected, remembered, g^2 s^2 */
+    int32_t rise_g_q18;           /* low-pass of 1 g less the vertical acceleration */
     uint32_t block_flags;         /* of the last block */
     uint8_t slice;                /* of the covariance that the next step computes; 0: none */
     uint8_t still_blocks;
     uint8_t aligned_blocks;
-    uint8_t lost_blocks; /* so many in a row moved away too fast */
+    uint8_t gap_steps;           /* without a sample, up to now */
+    uint8_t gyro_clipped_steps;  /* in a row, up to now */
+    uint8_t accel_clipped_steps; /* in a row, up to now */
     bool moved, started;
+    uint8_t thrust_blocks; /* with thrust, up to now */
+    bool airborne;
+    bool lost; /* the last block contradicts the attitude */
 } plumb_attitude_t;
 
 /* Clear the record, set attitude and covariance of the start. The first sample aligns the attitude. */
@@ -51,8 +67,8 @@ void plumb_attitude_init(plumb_attitude_t *c, const plumb_params_t *p);
 /* True if the parameters are in range and no sum of a step can overflow. */
 bool plumb_attitude_params_valid(const plumb_params_t *p);
 
-/* One step. raw: gyro x, y, z, then acceleration x, y, z, counts; setpoint: unused. The result is c->words.
- */
+/* One step. raw: gyro x, y, z, then acceleration x, y, z, counts; setpoint: thrust
+ * command of the vehicle, Q15; 0 without one. The result is c->words. */
 void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                          int32_t setpoint);
 

@@ -41,17 +41,24 @@ typedef struct {
     int32_t start_bias; /* 1..858993459; variance of the bias before the first sample */
     int32_t start_scale; /* 1..858993459; variance of the scale error before the first sample */
     int32_t start_tilt; /* 1..858993459; variance of the tilt before the first sample */
-    int32_t start_velocity; /* 1..858993459; variance of the velocity before the first sample */
+    int32_t start_speed; /* 1..858993459; variance of the velocity before the first sample */
     int32_t q_bias; /* 0..16777216; growth of the bias' variance in a block */
     int32_t q_scale; /* 0..1048576; growth of the scale error's variance in a block */
     int32_t q_tilt; /* 0..67108864; growth of the tilt's variance in a block, from noise of the gyro */
     int32_t q_turn_q24; /* 0..1073741824; growth of the tilt's variance in a block by the square of the angles turned in it */
-    int32_t q_clipped; /* 0..134217728; growth of the tilt's variance in a block in which the gyro clipped or missed samples */
-    int32_t velocity_min; /* 16384..858993459; variance with which a body that does not move has no velocity */
+    int32_t q_clipped; /* 0..134217728; growth of the tilt's variance in a block all of which the gyro missed or clipped */
+    int32_t speed_min; /* 256..858993459; variance with which a body that does not move has no velocity */
     int32_t velocity_share_q16; /* 0..1048576; share of the square of the velocity in that variance */
     int32_t velocity_pass_q32; /* 0..2147483647; share of a new square of the velocity in its low-pass */
     int32_t leak_q32; /* 0..1073741824; share of the velocity that a block forgets */
-    int32_t lost_blocks; /* 1..255; so many blocks in which the body has moved away restart the filter */
+    int32_t travel_pass_q32; /* 0..1431655765; share of a new velocity in the low-pass of lasting ones, and of a vertical acceleration in its own */
+    int32_t travel_least_q24; /* 0..536870912; square of a lasting velocity up to which a body does not travel */
+    int32_t travel_gain_q16; /* 0..67108864; what the square beyond it adds to the variance with which the velocity is zero */
+    int32_t travel_hold_q32; /* 0..1073741824; share of that excess that a block forgets */
+    int32_t doubt_q24; /* 0..268435456; growth of the tilt's variance in a block by the square of the angles turned in it, for every square of a lasting velocity */
+    int32_t aid_s_q24; /* 0..1073741824; acceleration to velocity by the drag of the rotors: mass by drag; 0: no such aid */
+    int32_t aid_variance; /* 256..858993459; variance of the velocity that the drag measures */
+    int32_t aid_thrust_q15; /* 1..32767; thrust command from which the vehicle takes off; below it one that feels its weight stands on the ground */
     int32_t rest_gyro; /* 0..2147483647; half angle of a step by which rest may differ from the mean of the block before */
     int32_t rest_turn; /* 0..2147483647; sum of half angles of a block beyond which it is a turn, not a bias */
     int32_t rest_accel; /* 0..2147483647; sum of accelerations of a block by which rest may differ from the block before */

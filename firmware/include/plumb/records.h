@@ -146,17 +146,18 @@ typedef struct {
 /* attitude: attitude in three dimensions from a gyro and an accelerometer, with a Kalman filter that learns the gyro's errors */
 #define PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED (1U << 0) /* a rate was at its limit: the tilt may be off */
 #define PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED (1U << 1) /* an acceleration was at its limit */
-#define PLUMB_ATTITUDE_FLAG_MISSING (1U << 2) /* no sample in this step: the rate goes on as it was */
+#define PLUMB_ATTITUDE_FLAG_MISSING (1U << 2) /* no sample in this step: rate and acceleration go on as they were, until the next sample bridges the gap */
 #define PLUMB_ATTITUDE_FLAG_ALIGNING (1U << 3) /* the first blocks: the vertical is the mean acceleration */
 #define PLUMB_ATTITUDE_FLAG_REST (1U << 4) /* the last block was at rest: it measured the bias */
 #define PLUMB_ATTITUDE_FLAG_FALLING (1U << 5) /* the mean vertical acceleration of the last block was below half of g */
-#define PLUMB_ATTITUDE_FLAG_ACCELERATING (1U << 6) /* the last block trusted the accelerometer less, because it has moved the body away */
+#define PLUMB_ATTITUDE_FLAG_ACCELERATING (1U << 6) /* the last block trusted the accelerometer less: the body moves fast, or travels */
 #define PLUMB_ATTITUDE_FLAG_UNSURE (1U << 7) /* standard deviation of the tilt above its limit */
-#define PLUMB_ATTITUDE_FLAG_RESTARTED (1U << 8) /* the integrated velocity stayed beyond its limit: the filter began again */
+#define PLUMB_ATTITUDE_FLAG_RESTARTED (1U << 8) /* at rest, or for seconds, the acceleration contradicted the vertical: the filter began again */
+#define PLUMB_ATTITUDE_FLAG_AIRBORNE (1U << 9) /* the vehicle flies: the drag of its rotors measures the velocity */
 #define PLUMB_ATTITUDE_FLAGS_SATURATED (PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED | PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) /* raw counts outside their range */
 typedef struct {
     int32_t raw[6]; /* counts, as given */
-    int32_t setpoint; /* as given: not used */
+    int32_t thrust_q15; /* as given: thrust command of the vehicle, share of the most; 0: no vehicle, or on the ground */
     int32_t rate_turnps_q28[3]; /* rate less bias and scale error, in body axes: turns the attitude */
     int32_t accel_g_q25[3]; /* calibrated acceleration in body axes */
     plumb_quaternion_t attitude; /* attitude, from body to earth; the heading is the gyro's alone */
@@ -165,7 +166,7 @@ typedef struct {
     int32_t scale_q32[3]; /* scale error of the gyro */
     int32_t velocity_gs_q28[2]; /* integrated horizontal acceleration, earth axes */
     int32_t velocity_square_g2s2_q24; /* low-pass of the square of that velocity */
-    uint32_t velocity_variance_g2s2_q32; /* variance with which the last block took the velocity for zero */
+    uint32_t velocity_variance_g2s2_q26; /* variance with which the last block took the velocity for zero */
     uint32_t tilt_variance_rad2_q32; /* variance of the tilt, sum of both axes */
     uint32_t block_step; /* steps of the block so far */
     uint32_t missing_steps; /* steps so far without a sample */

@@ -14,20 +14,30 @@ from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.attitude import scenarios
+from plumb.systems.attitude.tuning import Aid
 from plumb.tuning.quantise import quantise
 
 TUNING_NAME = scenarios.DEFAULT_TUNING
 FULL_Q15 = 32767
 """The setpoint that tells the step of full thrust."""
 RESTARTED = "RESTARTED"
+DRAG_TOLD = 1.37
+"""The drag that the estimator is told, by that of the rotors in a hover: the frame drags, too, and too much does less
+harm than too little."""
 
 
 class Runs:
-    """The estimators of all runs."""
+    """The estimators of all runs, which are told the drag of the rotors and every thrust command."""
 
-    def __init__(self, grade: ImuGrade, period_us: int, runs: int) -> None:
+    def __init__(self, grade: ImuGrade, frame: Airframe, period_us: int, runs: int) -> None:
         system = declarations.system("attitude")
-        tuning = replace(scenarios.TUNINGS[TUNING_NAME], period_us=period_us, gyro=grade.gyro, accel=grade.accel)
+        tuning = replace(
+            scenarios.TUNINGS[TUNING_NAME],
+            period_us=period_us,
+            gyro=grade.gyro,
+            accel=grade.accel,
+            aid=Aid(drag_per_s=DRAG_TOLD * frame.drag_per_s),
+        )
         self._core = native_core.Controllers(quantise(tuning), runs)
         flags = [flag.name for flag in system.flags]
         self._restarted = 1 << flags.index(RESTARTED) if RESTARTED in flags else 0
@@ -47,6 +57,6 @@ class Runs:
         return int(self._again.sum())
 
 
-def begin(grade: ImuGrade, _frame: Airframe, period_us: int, runs: int) -> Runs:
+def begin(grade: ImuGrade, frame: Airframe, period_us: int, runs: int) -> Runs:
     """The estimators before the first step."""
-    return Runs(grade, period_us, runs)
+    return Runs(grade, frame, period_us, runs)

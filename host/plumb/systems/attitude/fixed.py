@@ -13,18 +13,29 @@ from plumb.kernels.fixed.kernels import Params, calibrate
 from plumb.kernels.fixed.mounting import mount
 from plumb.kernels.fixed.quaternion import ONE_Q30
 from plumb.kernels.fixed.trig import length, reciprocal
-from plumb.kernels.integers import Integer, clamp, clz32, select, wrap_i32
+from plumb.kernels.integers import Integer, clamp, clz32, select, wrap_i32, wrap_u32
 from plumb.systems.attitude.fixed_covariance import (
     AXES,
     HORIZONTAL,
     VARIANCE_MAX_Q32,
+    VELOCITY_MAX_Q28,
     compute_slice,
     mul,
     near,
+    travel_square,
+    travels,
     weighted,
+)
+from plumb.systems.attitude.fixed_gaps import (
+    BRIDGED_MAX_Q18,
+    LONGEST_RUN,
+    VELOCITY_ADDED_MAX_Q26,
+    bridged,
+    count_clipped,
 )
 from plumb.systems.attitude.fixed_state import (
     ACCEL_CLIPPED,
+    AIRBORNE,
     ALIGNING,
     BIAS,
     FALLING,
@@ -52,7 +63,9 @@ SIXTH_Q32 = 715827883
 ALIGN_LEAST_G_Q24, ALIGN_LEAST_GS_Q26, ALIGN_BLOCKS = 1258291, 1 << 20, 4
 BIAS_MAX_Q32, SCALE_MAX_Q32, TURN_MAX_Q28 = 1 << 30, 1 << 28, 1 << 26
 BIAS_UNIT_Q31 = 1367130551
-CLIPPED_VELOCITY_Q32 = 10737418
+CLIPPED = GYRO_CLIPPED | ACCEL_CLIPPED
+RISE_MAX_Q18, BY_TURN_MAX_Q32 = 157286, 1 << 30
+CARRIED_Q18, TAKE_OFF_BLOCKS = 209715, 4
 
 
 def sat32(x: Integer) -> Integer:
@@ -159,6 +172,7 @@ def sample(c: ControlState, p: Params, raw: Sequence[Integer]) -> Integer:
         half = mul(c.rate[i], p["attitude.half_angle"])
         c.half[i] = 4 * clamp(half, -HALF_ANGLE_MAX_Q30, HALF_ANGLE_MAX_Q30)
     c.missing_steps = c.missing_steps + select(missing, 1, 0)
+    c.gap = select(missing, clamp(c.gap + 1, 0, LONGEST_RUN), c.gap)
     return select(missing, MISSING, gyro_clipped * GYRO_CLIPPED | accel_clipped * ACCEL_CLIPPED)
 
 
@@ -175,8 +189,11 @@ def force_of(c: ControlState) -> list[Integer]:
 
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: Integer) -> tuple[Integer, ...]:
     """One step; returns the values of the record's words, in order."""
-    c.step = c.step + 1
-    flags = sample(c, p, raw)
+    c.step, c.thrust = c.step + 1, setpoint
+    c.flags = flags = sample(c, p, raw)
+    sampled = flags != MISSING
+    in_runs(c, p, sampled & (c.gap != 0), bridge)
+    in_runs(c, p, sampled & (((flags & CLIPPED) != 0) | (c.gyro_run != 0) | (c.accel_run != 0)), count_clipped)
     in_runs(c, p, c.started == 0, first_sample)
 
     force, turn = force_of(c), coned(c)
@@ -188,12 +205,12 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
         c.force_sum[i] = c.force_sum[i] + (share >> 5)
         c.half_sum[i] = wrap_i32(c.half_sum[i] + h[i])
         c.moved = c.moved | (abs(wrap_i32(h[i] - c.half_mean[i])) > p["attitude.rest_gyro"])
+    aided = p["attitude.aid_s_q24"] != 0
     for i in HORIZONTAL:
+        c.thrust_sum[i] = c.thrust_sum[i] + select(aided, mul(m[i][2], force[2]) >> 5, 0)
         for j in AXES:
             c.rows_sum[3 * i + j] = c.rows_sum[3 * i + j] + (m[i][j] >> 8)
             c.turned_sum[3 * i + j] = c.turned_sum[3 * i + j] + (mul(m[i][j], h[j]) >> 2)
-    c.gyro_lost = c.gyro_lost | (flags & (GYRO_CLIPPED | MISSING) != 0)
-    c.accel_lost = c.accel_lost | (flags & (ACCEL_CLIPPED | MISSING) != 0)
 
     compute_slice(c, p)
     c.block_step = c.block_step + 1
@@ -204,6 +221,30 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
         c.velocity_square, c.velocity_variance, c.tilt_variance, c.block_step, c.missing_steps,
         flags | c.block_flags, c.step,
     )  # fmt: skip
+
+
+def bridge(c: ControlState, p: Params) -> None:
+    """A sample after a gap."""
+    in_runs(c, p, c.started != 0, bridge_started)
+    c.gap = 0 * c.gap
+
+
+def bridge_started(c: ControlState, p: Params) -> None:
+    turn, force = bridged(c, p)
+    for _ in range(2):
+        turn_body(c, turn)
+    m = matrix(c.attitude)
+    for i in AXES:
+        share = mul(m[i][0], force[0]) + mul(m[i][1], force[1]) + mul(m[i][2], force[2])
+        c.force_sum[i] = clamp(sat32(c.force_sum[i] + share), -BRIDGED_MAX_Q18, BRIDGED_MAX_Q18)
+
+
+def tilted_at_rest(c: ControlState, p: Params) -> Integer:
+    """Whether an acceleration of 1 g lies well off the vertical."""
+    means = [mul(force, p["attitude.inverse_block_q32"]) for force in c.force_sum]
+    squares = [mul(mean, mean) for mean in (wrap_i32(mean << 6) for mean in means)]
+    total, up = wrap_u32(sum(squares)), squares[2]
+    return (total > 59146) & (total < 72253) & ((means[2] < 0) | (100 * up < 81 * total))
 
 
 def gained(c: ControlState, p: Params, i: int) -> Integer:
@@ -219,6 +260,10 @@ def close_block(c: ControlState, p: Params) -> None:
     c.force_before = list(c.force_sum)
     blocks = p["attitude.rest_blocks"]
     c.still_blocks = select(c.moved != 0, 0, clamp(c.still_blocks + 1, 0, blocks))
+    rise = (1 << 18) - mul(c.force_sum[2], p["attitude.inverse_block_q32"])
+    c.rise = c.rise + near(rise - c.rise, p["attitude.travel_pass_q32"])
+    at_rest = (c.still_blocks == blocks) & tilted_at_rest(c, p)
+    c.lost = select((c.rise > RISE_MAX_Q18) | at_rest, 1, 0)
     before, c.block_flags = c.block_flags, select(c.still_blocks == blocks, REST, 0)
     aligning = c.aligned_blocks < ALIGN_BLOCKS
     in_runs(c, p, aligning, align_block)
@@ -243,18 +288,41 @@ def measure_block(c: ControlState, p: Params) -> None:
     dt = p["attitude.dt_s_q33"]
     time = (p["attitude.block_steps"] * dt) >> 1
     lever = sat32((c.force_sum[2] * dt) >> 20)
-    c.half_lever = clamp(lever, time >> 2, time)
+    c.half_lever = clamp(lever, time >> 2, time) >> 1
     for i in HORIZONTAL:
         for j in AXES:
             c.coupling[6 * i + j] = -((c.rows_sum[3 * i + j] * dt) >> 25)
             c.coupling[6 * i + 3 + j] = -(c.turned_sum[3 * i + j] >> 1)
     correct(c, [gained(c, p, i) for i in HORIZONTAL])
-    growth = p["attitude.q_tilt"] + ((c.energy * p["attitude.q_turn_q24"]) >> 24)
-    growth = growth + select(c.gyro_lost != 0, p["attitude.q_clipped"], 0)
+    in_runs(c, p, p["attitude.aid_s_q24"] != 0, measure_velocity)
+    doubt = select(travels(c), 0, (travel_square(c) * p["attitude.doubt_q24"]) >> 16)
+    by_turn = clamp(p["attitude.q_turn_q24"] + doubt, 0, BY_TURN_MAX_Q32)
+    steps = p["attitude.block_steps"]
+    blind = (c.gap >= steps) | (c.gyro_run >= steps)
+    growth = p["attitude.q_tilt"] + ((c.energy * by_turn) >> 24) + c.tilt_added
+    growth = growth + select(blind, p["attitude.q_clipped"], 0)
     c.tilt_growth = clamp(growth, 0, VARIANCE_MAX_Q32)
-    c.velocity_growth = select(c.accel_lost != 0, CLIPPED_VELOCITY_Q32, 0 * time)
-    c.block_flags = c.block_flags | select(lever < time >> 2, FALLING, 0)
+    c.velocity_growth = 16 * c.velocity_added
+    c.block_flags = c.block_flags | select(lever < time >> 2, FALLING, 0) | c.airborne * AIRBORNE
     c.slice = 0 * time + 1
+
+
+def measure_velocity(c: ControlState, p: Params) -> None:
+    """The velocity that the block is measured to end with: zero, or in flight that of the drag."""
+    inverse = p["attitude.inverse_block_q32"]
+    thrust = c.thrust >= p["attitude.aid_thrust_q15"]
+    c.thrust_blocks = select(thrust, clamp(c.thrust_blocks + 1, 0, TAKE_OFF_BLOCKS), 0 * c.thrust_blocks)
+    before = c.airborne == 1
+    taken_off = thrust & (before | (c.thrust_blocks == TAKE_OFF_BLOCKS))
+    airborne = taken_off | ((thrust == 0) & before & (mul(c.force_sum[2], inverse) < CARRIED_Q18))
+    c.velocity_added = select(airborne != before, VELOCITY_ADDED_MAX_Q26, c.velocity_added)
+    c.airborne = select(airborne, 1, 0 * c.gap)
+    for i in HORIZONTAL:
+        across = mul(wrap_i32(c.force_sum[i] - c.thrust_sum[i]), inverse)
+        drag = sat32((-across * p["attitude.aid_s_q24"]) >> 14)
+        measured = clamp(sat32(drag + (gained(c, p, i) >> 1)), -VELOCITY_MAX_Q28, VELOCITY_MAX_Q28)
+        c.measured[i] = select(airborne, measured, 0 * measured)
+        c.travel[i] = select(airborne, 0 * measured, c.travel[i])
 
 
 def correct(c: ControlState, gains: Sequence[Integer]) -> None:
@@ -273,10 +341,16 @@ def correct(c: ControlState, gains: Sequence[Integer]) -> None:
         change = clamp((d[BIAS + i] * BIAS_UNIT_Q31 + (1 << 30)) >> 31, -BIAS_MAX_Q32, BIAS_MAX_Q32)
         c.bias[i] = clamp(c.bias[i] + change, -BIAS_MAX_Q32, BIAS_MAX_Q32)
         c.scale[i] = clamp(c.scale[i] + (d[SCALE + i] >> 2), -SCALE_MAX_Q32, SCALE_MAX_Q32)
-    x, y = (2 * clamp(d[TILT + i], -TURN_MAX_Q28, TURN_MAX_Q28) for i in HORIZONTAL)
-    c.attitude = turn_earth(c.attitude, ONE_Q30, x, y)
+    x, y = (clamp(d[TILT + i], -TURN_MAX_Q28, TURN_MAX_Q28) for i in HORIZONTAL)
+    c.attitude = turn_earth(c.attitude, ONE_Q30, 2 * x, 2 * y)
+    f, g, u = c.force_before
+    c.force_before = [
+        wrap_i32(f + mul(16 * y, u)),
+        wrap_i32(g - mul(16 * x, u)),
+        wrap_i32(u + mul(16 * x, g) - mul(16 * y, f)),
+    ]
     for i in HORIZONTAL:
-        c.velocity[i] = sat32(c.velocity[i] + gains[i] + d[VELOCITY + i])
+        c.velocity[i] = sat32(c.velocity[i] + gains[i] + 2 * d[VELOCITY + i])
 
 
 def control_valid(p: Params) -> bool:

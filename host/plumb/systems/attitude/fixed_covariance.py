@@ -29,7 +29,8 @@ VARIANCE_MAX_Q32 = 858993459
 INNOVATION_MAX_Q28 = (1 << 28) - 1
 GAIN_MAX_Q28 = (1 << 31) - 1
 GATE = 25
-VELOCITY_MAX_Q28, LOST_SQUARE_Q24 = 1 << 28, 1677722
+VELOCITY_MAX_Q28, SPEED_MAX_Q26 = (1 << 30) - 1, (1 << 31) - 1
+REST_SPEED_SQUARE_Q24, TRAVELS_Q24 = 104857600, 16777
 LAST_MOVING, LAST_RESTING = 8, 14
 
 
@@ -88,15 +89,16 @@ def grow_tilt(c: ControlState, p: Params, a: int) -> None:
 def grow_first(c: ControlState, p: Params) -> None:
     """The velocity of the block, then the growth of its covariance, or a new start."""
     judge(c, p)
-    lost = c.lost_blocks == p["attitude.lost_blocks"]
-    in_runs(c, p, lost == 0, grow_velocity)
+    lost = c.lost != 0
+    in_runs(c, p, c.lost == 0, grow_velocity)
     in_runs(c, p, lost, restart)
 
 
 def grow(c: ControlState, p: Params) -> None:
     """Velocity once more, then the growth of every variance."""
     grow_velocity(c, p)
-    growths = [p["attitude.q_bias"]] * 3 + [p["attitude.q_scale"]] * 3 + [c.tilt_growth] * 2 + [c.velocity_growth] * 2
+    bias = select(travels(c), 0, p["attitude.q_bias"])
+    growths = [bias] * 3 + [p["attitude.q_scale"]] * 3 + [c.tilt_growth] * 2 + [c.velocity_growth] * 2
     for i, growth in enumerate(growths):
         add(c, i, i, select(cov(c, i, i) < VARIANCE_MAX_Q32, growth, 0))
     c.correction = [0 * c.slice for _ in STATES]
@@ -106,17 +108,42 @@ def judge(c: ControlState, p: Params) -> None:
     """What the block has shown of the velocity."""
     for i in HORIZONTAL:
         held = clamp(c.velocity[i], -VELOCITY_MAX_Q28, VELOCITY_MAX_Q28)
-        c.velocity[i] = held - near(held, p["attitude.leak_q32"])
+        c.velocity[i] = held - select(c.airborne == 1, 0, near(held, p["attitude.leak_q32"]))
     square = mul(c.velocity[0], c.velocity[0]) + mul(c.velocity[1], c.velocity[1])
     c.velocity_square = c.velocity_square + near(square - c.velocity_square, p["attitude.velocity_pass_q32"])
-    least = p["attitude.velocity_min"]
-    moving, room = (c.velocity_square * p["attitude.velocity_share_q16"]) >> 8, VARIANCE_MAX_Q32 - least
-    c.velocity_variance = least + select(moving < room, moving, clamp(room, 0, VARIANCE_MAX_Q32))
+    remember_travel(c, p)
+    least = p["attitude.speed_min"]
+    moving = (c.velocity_square * p["attitude.velocity_share_q16"]) >> 14
+    moving = moving + ((c.travel_excess * p["attitude.travel_gain_q16"]) >> 14)
+    c.velocity_variance = select(c.airborne == 1, p["attitude.aid_variance"], clamp(least + moving, 0, SPEED_MAX_Q26))
     c.tilt_variance = wrap_u32(c.covariance[CELL[6][6]] + c.covariance[CELL[7][7]])
     unsure = select(c.tilt_variance > p["attitude.unsure"], UNSURE, 0)
     accelerating = select(c.velocity_variance > 4 * least, ACCELERATING, 0)
     c.block_flags = (c.block_flags & ~JUDGED) | unsure | accelerating
-    c.lost_blocks = select(c.velocity_square > LOST_SQUARE_Q24, c.lost_blocks + 1, 0)
+    too_fast = ((c.block_flags & REST) != 0) & (square > REST_SPEED_SQUARE_Q24)
+    c.lost = c.lost | select(too_fast, 1, 0)
+
+
+def travels(c: ControlState) -> Integer:
+    """Whether a lasting velocity is explained by travel."""
+    return c.travel_excess > TRAVELS_Q24
+
+
+def travel_square(c: ControlState) -> Integer:
+    """Square of the lasting velocity, g^2 s^2 Q24."""
+    return mul(c.travel[0], c.travel[0]) + mul(c.travel[1], c.travel[1])
+
+
+def remember_travel(c: ControlState, p: Params) -> None:
+    """The lasting velocity, and its excess over what is expected; neither in flight."""
+    for i in HORIZONTAL:
+        lasting = c.travel[i] + near(c.velocity[i] - c.travel[i], p["attitude.travel_pass_q32"])
+        c.travel[i] = select(c.airborne == 1, c.travel[i], lasting)
+    explained = wrap_u32(c.covariance[CELL[8][8]] + c.covariance[CELL[9][9]])
+    excess = travel_square(c) - (explained >> 6) - p["attitude.travel_least_q24"]
+    kept = c.travel_excess - near(c.travel_excess, p["attitude.travel_hold_q32"]) - 1
+    largest = select(excess > kept, excess, kept)
+    c.travel_excess = select((largest > 0) & (c.airborne == 0), largest, 0 * kept)
 
 
 def restart(c: ControlState, p: Params) -> None:
@@ -126,11 +153,14 @@ def restart(c: ControlState, p: Params) -> None:
 
 def weigh(c: ControlState, at: int, variance: Integer, measured: Integer, gated: bool) -> None:
     c.row = [cov(c, i, at) for i in STATES]
-    total = clamp(wrap_u32(c.row[at] + variance), 1, (1 << 32) - 1)
+    exact = wrap_u32(c.row[at]) + variance
+    coarse = select(exact >> 32 != 0, 4, 0 * variance)
+    total = clamp(exact >> coarse, 1, (1 << 32) - 1)
     y = clamp(wrap_i32(measured - c.correction[at]), -INNOVATION_MAX_Q28, INNOVATION_MAX_Q28)
     n = clz32(total)
-    shift = clamp(n - 2, 0, 32)
-    v = reciprocal((total << n) >> 1) >> clamp(2 - n, 0, 2)
+    one = 2 + coarse
+    shift = clamp(n - one, 0, 32)
+    v = reciprocal((total << n) >> 1) >> clamp(one - n, 0, 6)
     if gated:
         v = select((y * y) >> 24 > GATE * total, 0, v)
     limit = GAIN_MAX_Q28 >> shift
@@ -139,7 +169,7 @@ def weigh(c: ControlState, at: int, variance: Integer, measured: Integer, gated:
 
 
 def weigh_velocity(c: ControlState, p: Params, i: int) -> None:
-    weigh(c, VELOCITY + i, c.velocity_variance, -c.velocity[i], gated=False)
+    weigh(c, VELOCITY + i, c.velocity_variance << 4, wrap_i32(c.measured[i] - c.velocity[i]) >> 1, gated=False)
 
 
 def weigh_rest(c: ControlState, p: Params, i: int) -> None:

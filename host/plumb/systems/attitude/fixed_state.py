@@ -11,8 +11,8 @@ from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.quaternion import ONE_Q30
 from plumb.kernels.integers import Integer
 
-GYRO_CLIPPED, ACCEL_CLIPPED, MISSING, ALIGNING, REST, FALLING, ACCELERATING, UNSURE, RESTARTED = (
-    1 << bit for bit in range(9)
+GYRO_CLIPPED, ACCEL_CLIPPED, MISSING, ALIGNING, REST, FALLING, ACCELERATING, UNSURE, RESTARTED, AIRBORNE = (
+    1 << bit for bit in range(10)
 )
 STATES = range(10)
 BIAS, SCALE, TILT, VELOCITY = 0, 3, 6, 8
@@ -52,6 +52,18 @@ class ControlState:
     half_lever: Integer = 0
     tilt_growth: Integer = 0
     velocity_growth: Integer = 0
+    tilt_added: Integer = 0
+    velocity_added: Integer = 0
+    gyro_slope: Integer = 0
+    accel_slope: Integer = 0
+    thrust_sum: list[Integer] = field(default_factory=zeros(2))
+    measured: list[Integer] = field(default_factory=zeros(2))
+    thrust: Integer = 0
+    thrust_blocks: Integer = 0
+    airborne: Integer = 0
+    travel: list[Integer] = field(default_factory=zeros(2))
+    travel_excess: Integer = 0
+    rise: Integer = 0
     rows_sum: list[Integer] = field(default_factory=zeros(6))
     turned_sum: list[Integer] = field(default_factory=zeros(6))
     force_sum: list[Integer] = field(default_factory=zeros(3))
@@ -60,25 +72,31 @@ class ControlState:
     half_mean: list[Integer] = field(default_factory=zeros(3))
     energy: Integer = 0
     half: list[Integer] = field(default_factory=zeros(3))
+    flags: Integer = 0
     half_sixth: list[Integer] = field(default_factory=zeros(3))
     accel_sixth: list[Integer] = field(default_factory=zeros(3))
     block_flags: Integer = 0
     slice: Integer = 0
     still_blocks: Integer = 0
     aligned_blocks: Integer = 0
-    lost_blocks: Integer = 0
+    gap: Integer = 0
+    gyro_run: Integer = 0
+    accel_run: Integer = 0
+    lost: Integer = 0
     moved: Integer = 0
-    gyro_lost: Integer = 0
-    accel_lost: Integer = 0
     started: Integer = 0
 
 
 NAMES = tuple(one.name for one in fields(ControlState))
-SUMS = ("rows_sum", "turned_sum", "force_sum", "half_sum", "block_step", "energy", "moved", "gyro_lost", "accel_lost")
+SUMS = (
+    "rows_sum", "turned_sum", "force_sum", "thrust_sum", "half_sum", "block_step", "energy", "moved", "tilt_added",
+    "velocity_added",
+)  # fmt: skip
 KEPT = (
-    "rate", "accel", "attitude", "up", "velocity_variance", "block_step", "missing_steps", "step", "half", "gain",
-    "row", "coupling", "half_lever", "tilt_growth", "velocity_growth", "force_before", "half_mean", "half_sixth",
-    "accel_sixth", "started",
+    "rate", "accel", "attitude", "up", "velocity_variance", "block_step", "missing_steps", "step", "half", "flags",
+    "gain", "row", "coupling", "half_lever", "tilt_growth", "velocity_growth", "force_before",
+    "measured", "thrust", "thrust_blocks", "airborne", "half_mean", "half_sixth", "accel_sixth", "started", "gap",
+    "gyro_run", "accel_run", "gyro_slope", "accel_slope",
 )  # fmt: skip
 """What a start leaves as it was."""
 
@@ -132,7 +150,7 @@ def control_init(p: Params) -> ControlState:
 def start(c: ControlState, p: Params) -> None:
     zero = 0 * p["attitude.block_steps"]
     clear(c, [name for name in NAMES if name not in KEPT], zero)
-    for i, name in enumerate(["bias"] * 3 + ["scale"] * 3 + ["tilt"] * 2 + ["velocity"] * 2):
+    for i, name in enumerate(["bias"] * 3 + ["scale"] * 3 + ["tilt"] * 2 + ["speed"] * 2):
         c.covariance[CELL[i][i]] = p[f"attitude.start_{name}"]
     c.tilt_variance = 2 * p["attitude.start_tilt"]
     c.block_flags = zero + (ALIGNING | UNSURE)

@@ -1,7 +1,7 @@
 """Quantise the tuning of `attitude`, and back.
 
-The filter's unit of a bias is 1/4 rad/s, of a scale error 1/64, of a tilt 1 rad and of a velocity 1 g s, so that all
-standard deviations before the first sample are near 0.3 (docs/reference/arithmetic/attitude.md).
+The filter's unit of a bias is 1/4 rad/s, of a scale error 1/64, of a tilt 1 rad and of a velocity 2 g s, so that all
+standard deviations fit one format (docs/reference/arithmetic/attitude.md).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from plumb.systems.attitude.tuning import AttitudeTuning, Gyro, Motion, Mounting, Rest
+from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Gyro, Motion, Mounting, Rest
 from plumb.tuning import mounting
 from plumb.tuning.groups import channel_of, channel_words, check_numbers, refuse, whole
 from plumb.tuning.quantise import ControlParams
@@ -18,6 +18,8 @@ DEG = math.pi / 180.0
 G_MPS2 = 9.80665
 BIAS_UNITS, SCALE_UNITS = 4.0, 64.0
 """Units of the filter in 1 rad/s of bias and in a scale error of 1."""
+SPEED_UNITS = 1.0 / (2.0 * G_MPS2)
+"""Units of the filter in 1 m/s."""
 Q32, Q33 = 1 << 32, 1 << 33
 LEAST_STEPS, MOST_STEPS = 15, 125
 LONGEST_BLOCK_S = Fraction(318, 1000)
@@ -61,8 +63,10 @@ def quantise(tuning: AttitudeTuning) -> ControlParams:
         "attitude.rest_gain_q20": round((1 << 20) / (2 * dt)),
         "attitude.mounted": int(any(turned)),
         **_gyro(tuning.errors, float(dt), block_s),
+        **_travel(tuning, float(dt), block_s),
         **_motion(tuning.motion, block_s),
         **_rest(tuning.rest, float(dt), steps),
+        **_aid(tuning.aid),
     }
     return ControlParams.of("attitude", own)
 
@@ -123,13 +127,44 @@ def _motion(m: Motion, block_s: float) -> dict[str, int]:
             refuse(f"motion.{name}", seconds, f"at least three blocks, {3 * block_s:g} s")
     return {
         "attitude.start_tilt": _square("motion.start_tilt_deg", m.start_tilt_deg, DEG),
-        "attitude.start_velocity": _square("motion.start_velocity_mps", m.start_velocity_mps, 1 / G_MPS2),
-        "attitude.velocity_min": _square("motion.velocity_mps", m.velocity_mps, 1 / G_MPS2, 1 << 14),
+        "attitude.start_speed": _square("motion.start_velocity_mps", m.start_velocity_mps, SPEED_UNITS),
+        "attitude.speed_min": _square("motion.velocity_mps", m.velocity_mps, 1 / G_MPS2, 1 << 8, weight=1 / 64),
         "attitude.velocity_share_q16": _word("motion.share", m.share, m.share * (1 << 16), 1 << 20),
         "attitude.velocity_pass_q32": round(block_s / m.pass_s * Q32),
         "attitude.leak_q32": round(block_s / m.leak_s * Q32),
-        "attitude.lost_blocks": _blocks("motion.lost_s", m.lost_s, block_s),
         "attitude.unsure": _square("motion.unsure_deg", m.unsure_deg, DEG, 0, Q32 - 1, 2.0),
+    }
+
+
+def _travel(tuning: AttitudeTuning, dt: float, block_s: float) -> dict[str, int]:
+    """A velocity is one error for as long as it lasts, not a new one every block: so much larger is its variance."""
+    m = tuning.motion
+    for name, seconds in (("travel_s", m.travel_s), ("travel_hold_s", m.travel_hold_s)):
+        if seconds < 4 * block_s:
+            refuse(f"motion.{name}", seconds, f"at least four blocks, {4 * block_s:g} s")
+    gain = 2.0 * m.travel_s / block_s
+    return {
+        "attitude.travel_pass_q32": round(block_s / m.travel_s * Q32),
+        "attitude.travel_least_q24": _square("motion.travel_mps", m.travel_mps, 1 / G_MPS2, 0, 1 << 29, 2.0**-8),
+        "attitude.travel_gain_q16": _word("motion.travel_s", m.travel_s, gain * (1 << 16), 1 << 26),
+        "attitude.travel_hold_q32": round(block_s / m.travel_hold_s * Q32),
+        "attitude.doubt_q24": _square(
+            "errors.turn_doubt", tuning.errors.turn_doubt, G_MPS2, 0, 1 << 28, 4 / dt * 2.0**-8
+        ),
+    }
+
+
+def _aid(aid: Aid) -> dict[str, int]:
+    if aid.drag_per_s < 0:
+        refuse("aid.drag_per_s", aid.drag_per_s, "it cannot be negative")
+    most_s = 64.0
+    if 0 < aid.drag_per_s < 1.0 / most_s:
+        refuse("aid.drag_per_s", aid.drag_per_s, f"0, or at least {1.0 / most_s:g}")
+    inverse = (1 << 24) / aid.drag_per_s if aid.drag_per_s else 0.0
+    return {
+        "attitude.aid_s_q24": _word("aid.drag_per_s", aid.drag_per_s, inverse, 1 << 30),
+        "attitude.aid_variance": _square("aid.velocity_mps", aid.velocity_mps, 1 / G_MPS2, 1 << 8, weight=1 / 64),
+        "attitude.aid_thrust_q15": _word("aid.thrust", aid.thrust, aid.thrust * (1 << 15), 32767, 1),
     }
 
 
@@ -170,15 +205,18 @@ def dequantise(params: ControlParams) -> AttitudeTuning:
         turn_noise=math.sqrt(p["q_turn_q24"] / Q32 * dt / 4),
         scale_walk=sigma("q_scale", SCALE_UNITS, block_s),
         clipped_deg=sigma("q_clipped", DEG),
+        turn_doubt=math.sqrt(p["doubt_q24"] / 2**24 * dt / 4) / G_MPS2,
     )
     motion = Motion(
-        velocity_mps=sigma("velocity_min", 1 / G_MPS2),
+        velocity_mps=math.sqrt(p["speed_min"] / 2**26) * G_MPS2,
         share=p["velocity_share_q16"] / (1 << 16),
         pass_s=block_s / (p["velocity_pass_q32"] or NEVER) * Q32,
         leak_s=block_s / (p["leak_q32"] or NEVER) * Q32,
         start_tilt_deg=sigma("start_tilt", DEG),
-        start_velocity_mps=sigma("start_velocity", 1 / G_MPS2),
-        lost_s=p["lost_blocks"] * block_s,
+        start_velocity_mps=sigma("start_speed", SPEED_UNITS),
+        travel_mps=math.sqrt(p["travel_least_q24"] / 2**24) * G_MPS2,
+        travel_s=block_s / (p["travel_pass_q32"] or NEVER) * Q32,
+        travel_hold_s=block_s / (p["travel_hold_q32"] or NEVER) * Q32,
         unsure_deg=math.sqrt(p["unsure"] / 2 / Q32) / DEG,
     )
     rest = Rest(
@@ -187,6 +225,11 @@ def dequantise(params: ControlParams) -> AttitudeTuning:
         turn_dps=p["rest_turn"] / Q32 * 2 / block_s / DEG,
         seconds=p["rest_blocks"] * block_s,
         noise_dps=sigma("rest_variance", BIAS_UNITS * DEG),
+    )
+    aid = Aid(
+        drag_per_s=(1 << 24) / p["aid_s_q24"] if p["aid_s_q24"] else 0.0,
+        velocity_mps=math.sqrt(p["aid_variance"] / 2**26) * G_MPS2,
+        thrust=p["aid_thrust_q15"] / (1 << 15),
     )
     return AttitudeTuning(
         period_us=round(dt * 1e6),
@@ -197,6 +240,7 @@ def dequantise(params: ControlParams) -> AttitudeTuning:
         errors=errors,
         motion=motion,
         rest=rest,
+        aid=aid,
         block_s=block_s,
         exact_period_s=dt,
     )

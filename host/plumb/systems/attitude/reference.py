@@ -2,7 +2,7 @@
 
 The same blocks, the same order of the measurements and the same delay of one block as the integers have, and none of
 their rounding. The filter counts in units in which the integers do, so that one limit of variance serves all states: a
-bias in 1/4 rad/s, a scale error in 1/64, a tilt in rad, a velocity in g s.
+bias in 1/4 rad/s, a scale error in 1/64, a tilt in rad, a velocity in 2 g s.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from plumb.kernels.reference.kernels import calibrate
 from plumb.spec.arrays import BoolArray, FloatArray
-from plumb.systems.attitude.quantise import BIAS_UNITS, DEG, G_MPS2, LEAST_STEPS, SCALE_UNITS
+from plumb.systems.attitude.quantise import BIAS_UNITS, DEG, G_MPS2, LEAST_STEPS, SCALE_UNITS, SPEED_UNITS
 from plumb.systems.attitude.tuning import AttitudeTuning
 from plumb.tuning.channels import NO_SAMPLE
 
@@ -22,10 +22,24 @@ ALIGNING_BLOCKS = 4
 WORTHLESS_G, WORTHLESS_GS = 0.15, 1.0 / 32.0
 """An acceleration, and the integral of one over a block, below which it tells no direction."""
 VARIANCE_LIMIT = 0.2
-ACCEL_LOST_G2S2 = 0.05**2
-LOST_G2S2 = 0.1
 GATE = 25.0
-TILT_STEP_RAD, HALF_ANGLE_RAD, VELOCITY_GS = 0.25, 0.43, 1.0
+TILT_STEP_RAD, HALF_ANGLE_RAD, VELOCITY_GS = 0.25, 0.43, 4.0
+VELOCITY_UNIT_GS = 2.0
+"""What 1 of the filter's velocities is."""
+SPEED_LIMIT_G2S2 = 32.0
+"""Largest variance with which the velocity is measured to be zero."""
+REST_SPEED_GS = 2.5
+"""A body at rest is not as fast."""
+RISE_G = 0.6
+"""No body falls with it for seconds."""
+REST_G, TILTED_COSINE = (0.95, 1.05), 0.9
+"""Acceleration of a body at rest; beyond 26 deg off the vertical it tells that the vertical is wrong."""
+TRAVELS_G2S2 = 0.001
+LONGEST_RUN = 255
+CARRIED_G, TAKE_OFF_BLOCKS = 0.8, 4
+"""A body without thrust that feels more is carried by the ground; one with thrust for so many blocks flies."""
+BRIDGED_RAD, BRIDGED_G, BRIDGED_SUM_G = 0.43, 1200.0, 2100.0
+VELOCITY_ADDED_G2S2 = 0.2
 BIAS_RADPS, SCALE = np.pi / 2.0, 1.0 / 16.0
 UNITS = np.array([BIAS_UNITS] * 3 + [SCALE_UNITS] * 3)
 BIASES, SCALES, TILTS, VELOCITIES = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 10)
@@ -81,9 +95,17 @@ class Filter:
     accel_before: FloatArray = field(default_factory=lambda: np.zeros(3))
     half_mean: FloatArray = field(default_factory=lambda: np.zeros(3))
     force_before: FloatArray = field(default_factory=lambda: np.zeros(3))
+    travel_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
+    travel_excess_g2s2: float = 0.0
+    rise_g: float = 0.0
+    measured_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
+    thrust_blocks: int = 0
+    airborne: bool = False
+    gap: int = 0
+    runs: list[int] = field(default_factory=lambda: [0, 0])
+    slopes: list[float] = field(default_factory=lambda: [0.0, 0.0])
     still_blocks: int = 0
     aligned_blocks: int = 0
-    lost_blocks: int = 0
     started: bool = False
 
 
@@ -93,6 +115,7 @@ class Samples:
 
     rate: FloatArray
     accel: FloatArray
+    thrust: FloatArray
     missing: BoolArray
     gyro_clipped: BoolArray
     accel_clipped: BoolArray
@@ -100,20 +123,38 @@ class Samples:
     def part(self, begin: int, end: int) -> Samples:
         cut = slice(begin, end)
         flags = (self.missing[cut], self.gyro_clipped[cut], self.accel_clipped[cut])
-        return Samples(self.rate[cut], self.accel[cut], *flags)
+        return Samples(self.rate[cut], self.accel[cut], self.thrust[cut], *flags)
 
 
 @dataclass(frozen=True)
 class Sums:
-    """What the filter needs of a block. half, force: (n, 3), of each step; rows (2, 3), turned (2, 3)."""
+    """What the filter needs of a block. half, force: (n, 3), of each step; rows (2, 3), turned (2, 3); bridged_force
+    (3,): of gaps that ended in it; thrust_force (2,): along the body's z; thrust: the last command;
+    added: variances by gaps and by samples at a limit."""
 
     half: FloatArray
     force: FloatArray
     rows: FloatArray
     turned: FloatArray
     moved: bool
-    gyro_lost: bool
-    accel_lost: bool
+    bridged_force: FloatArray
+    thrust_force: FloatArray
+    thrust: float
+    tilt_added_rad2: float
+    velocity_added_g2s2: float
+
+
+@dataclass
+class Added:
+    """What gaps and samples at a limit add to a block: acceleration in earth axes, (3,), and variances."""
+
+    force_g: FloatArray = field(default_factory=lambda: np.zeros(3))
+    tilt_rad2: float = 0.0
+    velocity_g2s2: float = 0.0
+
+    def add(self, tilt_rad2: float, velocity_g2s2: float) -> None:
+        self.tilt_rad2 = min(self.tilt_rad2 + tilt_rad2, VARIANCE_LIMIT)
+        self.velocity_g2s2 = min(self.velocity_g2s2 + velocity_g2s2, VELOCITY_ADDED_G2S2)
 
 
 class Model:
@@ -128,13 +169,13 @@ class Model:
             [(BIAS_UNITS * DEG * e.bias_dps) ** 2] * 3
             + [(SCALE_UNITS * e.scale) ** 2] * 3
             + [(DEG * m.start_tilt_deg) ** 2] * 2
-            + [(m.start_velocity_mps / G_MPS2) ** 2] * 2
+            + [(m.start_velocity_mps * SPEED_UNITS) ** 2] * 2
         )
         self.growth = np.zeros(10)
         self.growth[BIASES] = (BIAS_UNITS * DEG * e.bias_walk_dps) ** 2 * block_s
         self.growth[SCALES] = (SCALE_UNITS * e.scale_walk) ** 2 * block_s
         self.rest_blocks = max(round(tuning.rest.seconds / block_s), 1)
-        self.lost_blocks = max(round(m.lost_s / block_s), 1)
+        self.travel_gain = 2.0 * m.travel_s / block_s
         self.rest_variance = (BIAS_UNITS * DEG * tuning.rest.noise_dps) ** 2
 
     def begun(self) -> Filter:
@@ -147,10 +188,12 @@ class Model:
         fresh.attitude, fresh.started = x.attitude, True
         fresh.half_before, fresh.accel_before = x.half_before, x.accel_before
         fresh.force_before, fresh.half_mean = x.force_before, x.half_mean
+        fresh.gap, fresh.runs, fresh.slopes = x.gap, x.runs, x.slopes
+        fresh.measured_gs, fresh.thrust_blocks, fresh.airborne = x.measured_gs, x.thrust_blocks, x.airborne
         return fresh
 
-    def taken(self, counts: FloatArray) -> Samples:
-        """Counts (steps, 6) in body axes; what is missing repeats the acceleration before."""
+    def taken(self, counts: FloatArray, thrust: FloatArray) -> Samples:
+        """Counts (steps, 6) in body axes, thrust commands (steps,); what is missing repeats the acceleration before."""
         gyro, accel = self.tuning.gyro, self.tuning.accel
         rate = np.radians(calibrate(counts[:, :3], gyro)) @ np.array(self.tuning.gyro_mounting.matrix).T
         force = calibrate(counts[:, 3:], accel) @ np.array(self.tuning.accel_mounting.matrix).T
@@ -161,7 +204,7 @@ class Model:
             ((part < channel.min_counts) | (part > channel.max_counts)).any(axis=1) & ~missing
             for part, channel in ((counts[:, :3], gyro), (counts[:, 3:], accel))
         ]
-        return Samples(rate, force, missing, *clipped)
+        return Samples(rate, force, thrust, missing, *clipped)
 
     def half_angles(self, x: Filter, samples: Samples) -> FloatArray:
         """Half the angles of each step; a missing one turns as the step before."""
@@ -186,7 +229,21 @@ class Model:
             mean = np.where(alone[:, None], half, half[min(begin, len(half) - 1)])
         coned = half + np.cross(half_before / 6.0, half)
         products, attitudes, q = right_products(coned), np.empty((len(half), 4)), x.attitude
+        added = Added()
         for step, product in enumerate(products):
+            if samples.missing[step]:
+                x.gap = min(x.gap + 1, LONGEST_RUN)
+            else:
+                if x.gap and x.started:
+                    by = (half[step] - half_before[step], accel[step] - accel_before[step])
+                    q = self.bridge(added, x.gap, q, *by)
+                x.gap = 0
+                self.count_clipped(
+                    x,
+                    added,
+                    (half[step] - half_before[step], accel[step] - accel_before[step]),
+                    (bool(samples.gyro_clipped[step]), bool(samples.accel_clipped[step])),
+                )
             if not x.started and step == begin:
                 q, x.started = turned(to_vertical(accel[step]), q), True
             attitudes[step] = q = product @ q
@@ -202,25 +259,60 @@ class Model:
                 matrix[:, :2].sum(axis=0),
                 np.einsum("nij,nj->ij", matrix[:, :2], half),
                 bool((np.abs(half - mean) > DEG * self.tuning.rest.gyro_dps * self.period_s / 2.0).any()),
-                bool((samples.gyro_clipped | samples.missing).any()),
-                bool((samples.accel_clipped | samples.missing).any()),
+                added.force_g,
+                np.einsum("ni,n->i", matrix[:, :2, 2], sculled[:, 2]),
+                float(samples.thrust[-1]),
+                added.tilt_rad2,
+                added.velocity_g2s2,
             ),
             attitudes,
         )
 
+    def bridge(
+        self, added: Added, steps: int, attitude: FloatArray, by_half: FloatArray, by_accel: FloatArray
+    ) -> FloatArray:
+        """The attitude after a gap: the held turn becomes that of a straight line between the samples on both sides.
+
+        The variance is that of a random walk between them, (time * difference)^2 / 12, and half as much again.
+        """
+        quarter = np.clip(by_half * steps / 4.0, -BRIDGED_RAD, BRIDGED_RAD)
+        product = right_products(quarter[None])[0]
+        bridged: FloatArray = product @ (product @ attitude)
+        force = np.clip(by_accel * (steps / 2.0), -BRIDGED_G, BRIDGED_G)
+        added.force_g = np.clip(added.force_g + matrices(bridged[None])[0] @ force, -BRIDGED_SUM_G, BRIDGED_SUM_G)
+        added.add(
+            steps**2 * float(by_half @ by_half) / 2.0,
+            (steps * self.period_s) ** 2 * float(by_accel @ by_accel) / 8.0,
+        )
+        return bridged
+
+    def count_clipped(
+        self, x: Filter, added: Added, by: tuple[FloatArray, FloatArray], clipped: tuple[bool, bool]
+    ) -> None:
+        """Samples in a row at a limit: what they hide is between nothing and a parabola, time^2 slope / 6."""
+        hidden = [0.0, 0.0]
+        for sensor, (change, at_limit) in enumerate(zip(by, clipped, strict=True)):
+            steps, square = x.runs[sensor], float(change @ change) if x.started else 0.0
+            x.slopes[sensor] = square if not steps else max(square, x.slopes[sensor])
+            x.runs[sensor] = min(steps + 1, LONGEST_RUN) if at_limit else 0
+            hidden[sensor] = 0.0 if at_limit else steps**4 * x.slopes[sensor] / 108.0
+        added.add(4.0 * hidden[0], hidden[1] * self.period_s**2)
+
     def closed(self, x: Filter, sums: Sums) -> Filter:
         """The state after the last step of a block."""
         rest, steps = self.tuning.rest, self.steps
-        force = sums.force.sum(axis=0)
+        force = sums.force.sum(axis=0) + sums.bridged_force
         mean_radps = 2.0 * sums.half.sum(axis=0) / self.block_s
         moved = sums.moved or bool((np.abs(force - x.force_before) > rest.accel_g * steps).any())
         moved = moved or bool((np.abs(mean_radps) > DEG * rest.turn_dps).any())
         x.force_before, x.half_mean = force, sums.half.sum(axis=0) / steps
         x.still_blocks = 0 if moved else min(x.still_blocks + 1, self.rest_blocks)
+        x.rise_g += self.block_s / self.tuning.motion.travel_s * (1.0 - float(force[2]) / steps - x.rise_g)
+        lost = x.rise_g > RISE_G or (x.still_blocks == self.rest_blocks and tilted_at_rest(force / steps))
         if x.aligned_blocks < ALIGNING_BLOCKS:
             self.align(x, force * self.period_s)
             return x
-        return self.corrected(x, sums, force * self.period_s, mean_radps)
+        return self.corrected(x, sums, force * self.period_s, mean_radps, lost=lost)
 
     def align(self, x: Filter, gained_gs: FloatArray) -> None:
         """The vertical is the mean acceleration of all blocks so far."""
@@ -236,49 +328,101 @@ class Model:
         """How the errors at the end of the block follow from those at its begin, (10, 10)."""
         half_lever, grown, tilted = np.eye(10), np.eye(10), np.eye(10)
         lever = float(np.clip(upwards_gs, self.block_s / 2.0, 2.0 * self.block_s)) / 2.0
-        half_lever[8, 7], half_lever[9, 6] = lever, -lever
+        half_lever[8, 7], half_lever[9, 6] = lever / VELOCITY_UNIT_GS, -lever / VELOCITY_UNIT_GS
         tilted[TILTS, BIASES] = -sums.rows * self.period_s / BIAS_UNITS
         tilted[TILTS, SCALES] = -2.0 * sums.turned / SCALE_UNITS
         grown[:] = half_lever @ tilted @ half_lever
         return grown
 
-    def corrected(self, x: Filter, sums: Sums, gained_gs: FloatArray, mean_radps: FloatArray) -> Filter:
+    def velocity_variance(self, x: Filter) -> float:
+        """How far the velocity is trusted to be zero, g^2 s^2; a velocity that lasts is remembered as travel."""
+        motion = self.tuning.motion
+        x.square_g2s2 += self.block_s / motion.pass_s * (float(x.velocity_gs @ x.velocity_gs) - x.square_g2s2)
+        if x.airborne:
+            x.travel_excess_g2s2 = 0.0
+            return (self.tuning.aid.velocity_mps / G_MPS2) ** 2
+        x.travel_gs = x.travel_gs + self.block_s / motion.travel_s * (x.velocity_gs - x.travel_gs)
+        explained = VELOCITY_UNIT_GS**2 * float(x.covariance[8, 8] + x.covariance[9, 9])
+        excess = float(x.travel_gs @ x.travel_gs) - explained - (motion.travel_mps / G_MPS2) ** 2
+        x.travel_excess_g2s2 *= 1.0 - self.block_s / motion.travel_hold_s
+        x.travel_excess_g2s2 = max(x.travel_excess_g2s2, excess, 0.0)
+        least = (motion.velocity_mps / G_MPS2) ** 2
+        moving = motion.share * x.square_g2s2 + self.travel_gain * x.travel_excess_g2s2
+        return min(least + moving, SPEED_LIMIT_G2S2)
+
+    def measure_velocity(self, x: Filter, sums: Sums, gained_gs: FloatArray) -> bool:
+        """What the velocity is measured to be at the end of a block: zero, or in flight that of the rotors' drag.
+
+        Returns whether the vehicle has taken off or landed.
+        """
+        aid, before = self.tuning.aid, x.airborne
+        thrust = aid.drag_per_s > 0.0 and sums.thrust >= aid.thrust
+        x.thrust_blocks = min(x.thrust_blocks + 1, TAKE_OFF_BLOCKS) if thrust else 0
+        upwards_g = float(gained_gs[2]) / self.block_s
+        if thrust:
+            x.airborne = before or x.thrust_blocks == TAKE_OFF_BLOCKS
+        else:
+            x.airborne = before and aid.drag_per_s > 0.0 and upwards_g < CARRIED_G
+        x.measured_gs = np.zeros(2)
+        if x.airborne:
+            across_g = gained_gs[:2] / self.block_s - sums.thrust_force / self.steps
+            x.measured_gs = np.clip(-across_g / aid.drag_per_s + gained_gs[:2] / 2.0, -VELOCITY_GS, VELOCITY_GS)
+            x.travel_gs = np.zeros(2)
+        return x.airborne != before
+
+    def tilt_growth(self, x: Filter, sums: Sums) -> float:
+        """How much the tilt has become uncertain in a block, rad^2."""
+        errors = self.tuning.errors
+        turned_rad2 = 4.0 * float(np.sum(sums.half**2)) / self.period_s
+        lasting_mps = G_MPS2 * float(np.linalg.norm(x.travel_gs))
+        doubt = 0.0 if x.travel_excess_g2s2 > TRAVELS_G2S2 else errors.turn_doubt * lasting_mps
+        blind = max(x.gap, x.runs[0]) >= self.steps
+        growth = (DEG * errors.noise_dps) ** 2 * self.block_s + (errors.turn_noise**2 + doubt**2) * turned_rad2
+        return growth + sums.tilt_added_rad2 + ((DEG * errors.clipped_deg) ** 2 if blind else 0.0)
+
+    def corrected(self, x: Filter, sums: Sums, gained_gs: FloatArray, mean_radps: FloatArray, *, lost: bool) -> Filter:
         """The correction of the block before, brought to the end of this one; then this one is measured."""
-        errors, motion = self.tuning.errors, self.tuning.motion
         transition = self.transition(sums, float(gained_gs[2]))
         d = transition @ x.correction
         x.bias_radps = np.clip(x.bias_radps + d[BIASES] / BIAS_UNITS, -BIAS_RADPS, BIAS_RADPS)
         x.scale = np.clip(x.scale + d[SCALES] / SCALE_UNITS, -SCALE, SCALE)
-        turn = np.array([1.0, *np.clip(d[TILTS], -TILT_STEP_RAD, TILT_STEP_RAD) / 2.0, 0.0])
-        x.attitude = turned(turn, x.attitude)
+        tilt = np.array([*np.clip(d[TILTS], -TILT_STEP_RAD, TILT_STEP_RAD), 0.0])
+        x.attitude = turned(np.array([1.0, *(tilt / 2.0)]), x.attitude)
         x.attitude /= np.linalg.norm(x.attitude)
-        v = np.clip(x.velocity_gs + gained_gs[:2] + d[VELOCITIES], -VELOCITY_GS, VELOCITY_GS)
-        x.velocity_gs = v * (1.0 - self.block_s / motion.leak_s)
-        x.square_g2s2 += self.block_s / motion.pass_s * (float(x.velocity_gs @ x.velocity_gs) - x.square_g2s2)
-        variance = min((motion.velocity_mps / G_MPS2) ** 2 + motion.share * x.square_g2s2, VARIANCE_LIMIT)
-
+        x.force_before = x.force_before + np.cross(tilt, x.force_before)
+        jumped = self.measure_velocity(x, sums, gained_gs)
         growth = self.growth.copy()
-        turned_rad2 = 4.0 * float(np.sum(sums.half**2)) / self.period_s
-        growth[TILTS] = (DEG * errors.noise_dps) ** 2 * self.block_s + errors.turn_noise**2 * turned_rad2
-        growth[TILTS] += (DEG * errors.clipped_deg) ** 2 if sums.gyro_lost else 0.0
-        growth[VELOCITIES] = ACCEL_LOST_G2S2 if sums.accel_lost else 0.0
+        growth[TILTS] = self.tilt_growth(x, sums)
+        growth[VELOCITIES] = (VELOCITY_ADDED_G2S2 if jumped else sums.velocity_added_g2s2) / VELOCITY_UNIT_GS**2
+
+        v = np.clip(x.velocity_gs + gained_gs[:2] + VELOCITY_UNIT_GS * d[VELOCITIES], -VELOCITY_GS, VELOCITY_GS)
+        x.velocity_gs = v if x.airborne else v * (1.0 - self.block_s / self.tuning.motion.leak_s)
+        variance = self.velocity_variance(x) / VELOCITY_UNIT_GS**2
         x.tilt_rad2 = float(x.covariance[6, 6] + x.covariance[7, 7])
 
-        x.lost_blocks = x.lost_blocks + 1 if x.square_g2s2 > LOST_G2S2 else 0
-        if x.lost_blocks == self.lost_blocks:
+        resting = x.still_blocks == self.rest_blocks
+        if lost or (resting and float(np.linalg.norm(x.velocity_gs)) > REST_SPEED_GS):
             return self.restarted(x)
         x.covariance = transition @ x.covariance @ transition.T
+        if x.travel_excess_g2s2 > TRAVELS_G2S2:  # nothing tells a bias from travel
+            growth[BIASES] = 0.0
         diagonal = np.diagonal(x.covariance)
         x.covariance = x.covariance + np.diag(
             np.where(diagonal < VARIANCE_LIMIT, np.minimum(growth, VARIANCE_LIMIT), 0)
         )
         x.correction = np.zeros(10)
         for axis in range(2):
-            measure(x, 8 + axis, -float(x.velocity_gs[axis]), variance)
-        if x.still_blocks == self.rest_blocks:
+            measure(x, 8 + axis, float(x.measured_gs[axis] - x.velocity_gs[axis]) / VELOCITY_UNIT_GS, variance)
+        if resting:
             for axis in range(3):
                 measure(x, axis, float(mean_radps[axis]) * BIAS_UNITS, self.rest_variance, gated=True)
         return x
+
+
+def tilted_at_rest(mean_g: FloatArray) -> bool:
+    """Whether the mean acceleration of a block, (3,) in earth axes, is 1 g and lies well off the vertical."""
+    length = float(np.linalg.norm(mean_g))
+    return REST_G[0] < length < REST_G[1] and float(mean_g[2]) < TILTED_COSINE * length
 
 
 def measure(x: Filter, at: int, measured: float, variance: float, *, gated: bool = False) -> None:
@@ -302,10 +446,10 @@ NAMES = (
 )
 
 
-def one_run(tuning: AttitudeTuning, counts: FloatArray) -> FloatArray:
-    """The columns NAMES of one run, (steps, names)."""
+def one_run(tuning: AttitudeTuning, counts: FloatArray, thrust: FloatArray) -> FloatArray:
+    """The columns NAMES of one run, (steps, names). thrust: commands, share of the most, (steps,)."""
     model = Model(tuning)
-    x, samples = model.begun(), model.taken(counts)
+    x, samples = model.begun(), model.taken(counts, thrust)
     found = np.empty((len(counts), len(NAMES)))
     for begin in range(0, len(counts), model.steps):
         end = min(begin + model.steps, len(counts))
@@ -323,16 +467,21 @@ def one_run(tuning: AttitudeTuning, counts: FloatArray) -> FloatArray:
 
 
 def run_control(
-    tuning: AttitudeTuning, raw: npt.ArrayLike, _setpoint: npt.ArrayLike | None = None
+    tuning: AttitudeTuning, raw: npt.ArrayLike, setpoint: npt.ArrayLike | None = None
 ) -> dict[str, FloatArray]:
-    """From counts to the attitude. raw: (steps, 6[, runs]); setpoint: unused.
+    """From counts to the attitude. raw: (steps, 6[, runs]); setpoint: thrust command of a
+    vehicle, Q15 (steps[, runs]); None: no vehicle.
 
     Returns float arrays (steps[, runs]) by name: attitude_w.., up_x.., bias_dps_x.., scale_x.., velocity_gs_x, _y, and
     tilt_sigma_deg, the root of the sum of the variances of both axes.
     """
     counts = np.asarray(raw, np.float64)
+    thrust = np.zeros((len(counts), *counts.shape[2:]))
+    if setpoint is not None:
+        thrust = np.broadcast_to(np.asarray(setpoint, np.float64) / 2.0**15, thrust.shape)
     if counts.ndim == 2:
-        found = one_run(tuning, counts)
+        found = one_run(tuning, counts, thrust)
     else:
-        found = np.stack([one_run(tuning, counts[:, :, run]) for run in range(counts.shape[2])], axis=-1)
+        runs = range(counts.shape[2])
+        found = np.stack([one_run(tuning, counts[:, :, run], thrust[:, run]) for run in runs], axis=-1)
     return {name: found[:, i] for i, name in enumerate(NAMES)}

@@ -44,7 +44,7 @@ class Gyro:
     """
 
     bias_dps: float = field(
-        default=5.7, metadata=quantity("deg/s", "standard deviation of the bias before the first sample")
+        default=2.0, metadata=quantity("deg/s", "standard deviation of the bias before the first sample")
     )
     scale: float = field(
         default=0.0055, metadata=quantity(NUMBER, "standard deviation of the scale error before the first sample")
@@ -57,13 +57,19 @@ class Gyro:
     scale_walk: float = field(default=8e-06, metadata=quantity("per sqrt(s)", "random walk of the scale error"))
     clipped_deg: float = field(
         default=5.7,
-        metadata=quantity("deg", "standard deviation of the tilt that a block with a clipped or missing sample adds"),
+        metadata=quantity("deg", "standard deviation of the tilt that a block without any sample adds"),
+    )
+    turn_doubt: float = field(
+        default=0.0042,
+        metadata=quantity(
+            "deg/s per sqrt(Hz), per deg/s and m/s", "what every m/s of a lasting velocity adds to `turn_noise`"
+        ),
     )
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How a body moves: it accelerates, but does not move away."""
+    """How a body moves: it accelerates, but does not move away; and what a velocity that lasts tells."""
 
     velocity_mps: float = field(
         default=0.343, metadata=quantity("m/s", "standard deviation of the velocity of a body that moves little")
@@ -79,18 +85,19 @@ class Motion:
         default=200.0, metadata=quantity("s", "time constant with which the integrated velocity forgets")
     )
     start_tilt_deg: float = field(
-        default=17.0, metadata=quantity("deg", "standard deviation of the tilt before the first sample")
+        default=20.0, metadata=quantity("deg", "standard deviation of the tilt before the first sample")
     )
     start_velocity_mps: float = field(
-        default=2.94, metadata=quantity("m/s", "standard deviation of the velocity before the first sample")
+        default=1.2, metadata=quantity("m/s", "standard deviation of the velocity before the first sample")
     )
     unsure_deg: float = field(
         default=5.0, metadata=quantity("deg", "standard deviation of the tilt from which it is flagged")
     )
-    lost_s: float = field(
-        default=10.0,
-        metadata=quantity("s", "the filter starts again when the integrated velocity stays beyond 3.1 m/s for so long"),
+    travel_mps: float = field(
+        default=2.0, metadata=quantity("m/s", "lasting velocity beyond which the body travels, and the tilt waits")
     )
+    travel_s: float = field(default=3.0, metadata=quantity("s", "time over which a velocity lasts"))
+    travel_hold_s: float = field(default=10.0, metadata=quantity("s", "time constant with which a travel is forgotten"))
 
 
 @dataclass(frozen=True)
@@ -112,6 +119,22 @@ class Rest:
 
 
 @dataclass(frozen=True)
+class Aid:
+    """What tells the velocity of a vehicle in flight: the drag of its rotors, which grows with the speed in air."""
+
+    drag_per_s: float = field(
+        default=0.0, metadata=quantity("1/s", "drag of the rotors by mass and speed; 0: no vehicle, or no such aid")
+    )
+    velocity_mps: float = field(
+        default=2.0, metadata=quantity("m/s", "standard deviation of the velocity that the drag tells")
+    )
+    thrust: float = field(
+        default=0.3,
+        metadata=quantity(NUMBER, "thrust command, share of the most, from which the vehicle takes off"),
+    )
+
+
+@dataclass(frozen=True)
 class AttitudeTuning(ForOnePeriod):
     """The settings of a run of `attitude`. A block has at least 15 samples."""
 
@@ -125,5 +148,6 @@ class AttitudeTuning(ForOnePeriod):
     errors: Gyro = field(default_factory=Gyro, metadata=quantity("", "gyro"))
     motion: Motion = field(default_factory=Motion, metadata=quantity("", "motion"))
     rest: Rest = field(default_factory=Rest, metadata=quantity("", "rest"))
+    aid: Aid = field(default_factory=Aid, metadata=quantity("", "aid of a vehicle"))
     block_s: float = field(default=0.12, metadata=quantity("s", "time between two measurements of the filter"))
     exact_period_s: float | None = None
