@@ -105,12 +105,24 @@ def _spin(seed: int, steps: int, inputs: int = COUNTS_LEAST) -> tuple[npt.NDArra
     return np.rint(raw).astype(np.int64) + noise * (raw != 0), _held(_angles(seed, steps), seed, 100)
 
 
+def _poses(seed: int, steps: int, inputs: int = COUNTS_LEAST) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """A body at rest that stands on one of its six sides after the other, each for up to 500 steps, without turning,
+    and feels 1, 0.5 or 1.5 g; no sample in the first five steps. Setpoints of nothing and of 2^15 - 1."""
+    raw = np.zeros((steps, inputs), np.int64)
+    pose = _held(_counts(seed, steps, 1) % 18, seed, 500)[:, 0]
+    side, felt = pose % 6, np.array([2048, 1024, 3072])[pose // 6]
+    raw[np.arange(steps), 3 + side // 2] = felt * (1 - 2 * (side % 2))
+    raw[:5, 0] = -32768
+    return raw, _held(_angles(seed, steps) % 2 * 32767, seed + 1, 200)
+
+
 WILD: dict[str, Callable[..., tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]] = {
     "uniform": _uniform,
     "extremes": _extremes,
     "steps": _steps,
     "walk": _walk,
     "spin": _spin,
+    "poses": _poses,
 }
 REACH = "reach"
 """The kind of input that depends on the parameters, and changes them: plumb.proof.golden_reach."""

@@ -32,6 +32,8 @@ TOLERANCE = 1e-3
 NEVER = 0.25
 """Stands for a share of 0 in a time constant: it is quantised to 0 again."""
 PERIODS_US = (1_000, 21_000)
+DRAG_PER_S = (1 / 64, 16.0)
+"""Drag of rotors by mass: what the integer of its inverse can say."""
 
 
 def quantise(tuning: AttitudeTuning) -> ControlParams:
@@ -157,9 +159,8 @@ def _travel(tuning: AttitudeTuning, dt: float, block_s: float) -> dict[str, int]
 def _aid(aid: Aid) -> dict[str, int]:
     if aid.drag_per_s < 0:
         refuse("aid.drag_per_s", aid.drag_per_s, "it cannot be negative")
-    most_s = 64.0
-    if 0 < aid.drag_per_s < 1.0 / most_s:
-        refuse("aid.drag_per_s", aid.drag_per_s, f"0, or at least {1.0 / most_s:g}")
+    if aid.drag_per_s and not DRAG_PER_S[0] <= aid.drag_per_s <= DRAG_PER_S[1]:
+        refuse("aid.drag_per_s", aid.drag_per_s, f"0, or {DRAG_PER_S[0]:g} to {DRAG_PER_S[1]:g}")
     inverse = (1 << 24) / aid.drag_per_s if aid.drag_per_s else 0.0
     return {
         "attitude.aid_s_q24": _word("aid.drag_per_s", aid.drag_per_s, inverse, 1 << 30),
