@@ -39,7 +39,8 @@
 #define RESTING_SQUARE_Q24   104857600    /* (2.5 g s)^2: a body at rest is not as fast as 25 m/s */
 #define CARRIED_Q18          209715       /* 0.8 g: without thrust, a body that the ground carries */
 #define TAKE_OFF_BLOCKS      4U           /* so many with thrust: it flies */
-#define TRAVELS_Q24          16777        /* 0.001 g^2 s^2: a smaller excess is no travel */
+#define HOLD_Q32             1288490189 /* 0.3: a travel is remembered for 3.3 times the time that shows it */
+#define TRAVELS_Q24          16777      /* 0.001 g^2 s^2: a smaller excess is no travel */
 #define CLIPPED              (PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED | PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED)
 #define JUDGED               (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
 #define HALF_LIMIT_Q30       461708984 /* 0.43 rad: with coning below 1/2 */
@@ -166,7 +167,8 @@ static int32_t travel_excess(plumb_attitude_t *c, const plumb_attitude_params_t 
     const uint32_t explained_q30 = plumb_error_filter_variance(&c->errors, VELOCITY) +
                                    plumb_error_filter_variance(&c->errors, VELOCITY + 1);
     const int32_t excess = travel_square(c) - (int32_t)(explained_q30 >> 6) - p->travel_least_q24;
-    const int32_t held = c->travel_excess_q24 - mulhi_near(c->travel_excess_q24, p->travel_hold_q32) - 1;
+    const int32_t held =
+        c->travel_excess_q24 - mulhi_near(c->travel_excess_q24, mulhi_i32(p->travel_pass_q32, HOLD_Q32)) - 1;
     return max_i32(max_i32(excess, held), 0);
 }
 

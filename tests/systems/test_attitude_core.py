@@ -17,7 +17,7 @@ from plumb.spec import declarations
 from plumb.spec.records import Words
 from plumb.systems import run_fixed
 from plumb.systems.attitude import scenarios as attitude
-from plumb.systems.attitude.tuning import AttitudeTuning, Motion, Mounting, Rest
+from plumb.systems.attitude.tuning import AttitudeTuning, Mounting, Rest
 from plumb.tuning.quantise import ControlParams, quantise
 from support.wild_params import wild_attitude_params
 

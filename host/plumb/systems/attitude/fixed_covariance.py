@@ -30,7 +30,7 @@ INNOVATION_MAX_Q28 = (1 << 28) - 1
 GAIN_MAX_Q28 = (1 << 31) - 1
 GATE = 25
 VELOCITY_MAX_Q28, SPEED_MAX_Q26 = (1 << 30) - 1, (1 << 31) - 1
-REST_SPEED_SQUARE_Q24, TRAVELS_Q24 = 104857600, 16777
+REST_SPEED_SQUARE_Q24, TRAVELS_Q24, HOLD_Q32 = 104857600, 16777, 1288490189
 LAST_MOVING, LAST_RESTING = 8, 14
 
 
@@ -141,7 +141,7 @@ def remember_travel(c: ControlState, p: Params) -> None:
         c.travel[i] = select(c.airborne == 1, c.travel[i], lasting)
     explained = wrap_u32(c.covariance[CELL[8][8]] + c.covariance[CELL[9][9]])
     excess = travel_square(c) - (explained >> 6) - p["attitude.travel_least_q24"]
-    kept = c.travel_excess - near(c.travel_excess, p["attitude.travel_hold_q32"]) - 1
+    kept = c.travel_excess - near(c.travel_excess, mul(p["attitude.travel_pass_q32"], HOLD_Q32)) - 1
     largest = select(excess > kept, excess, kept)
     c.travel_excess = select((largest > 0) & (c.airborne == 0), largest, 0 * kept)
 

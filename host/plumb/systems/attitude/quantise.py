@@ -141,15 +141,13 @@ def _motion(m: Motion, block_s: float) -> dict[str, int]:
 def _travel(tuning: AttitudeTuning, dt: float, block_s: float) -> dict[str, int]:
     """A velocity is one error for as long as it lasts, not a new one every block: so much larger is its variance."""
     m = tuning.motion
-    for name, seconds in (("travel_s", m.travel_s), ("travel_hold_s", m.travel_hold_s)):
-        if seconds < 4 * block_s:
-            refuse(f"motion.{name}", seconds, f"at least four blocks, {4 * block_s:g} s")
+    if m.travel_s < 4 * block_s:
+        refuse("motion.travel_s", m.travel_s, f"at least four blocks, {4 * block_s:g} s")
     gain = 2.0 * m.travel_s / block_s
     return {
         "attitude.travel_pass_q32": round(block_s / m.travel_s * Q32),
         "attitude.travel_least_q24": _square("motion.travel_mps", m.travel_mps, 1 / G_MPS2, 0, 1 << 29, 2.0**-8),
         "attitude.travel_gain_q16": _word("motion.travel_s", m.travel_s, gain * (1 << 16), 1 << 26),
-        "attitude.travel_hold_q32": round(block_s / m.travel_hold_s * Q32),
         "attitude.doubt_q24": _square(
             "errors.turn_doubt", tuning.errors.turn_doubt, G_MPS2, 0, 1 << 28, 4 / dt * 2.0**-8
         ),
@@ -217,7 +215,6 @@ def dequantise(params: ControlParams) -> AttitudeTuning:
         start_velocity_mps=sigma("start_speed", SPEED_UNITS),
         travel_mps=math.sqrt(p["travel_least_q24"] / 2**24) * G_MPS2,
         travel_s=block_s / (p["travel_pass_q32"] or NEVER) * Q32,
-        travel_hold_s=block_s / (p["travel_hold_q32"] or NEVER) * Q32,
         unsure_deg=math.sqrt(p["unsure"] / 2 / Q32) / DEG,
     )
     rest = Rest(

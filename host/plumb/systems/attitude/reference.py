@@ -34,7 +34,8 @@ RISE_G = 0.6
 """No body falls with it for seconds."""
 REST_G, TILTED_COSINE = (0.95, 1.05), 0.9
 """Acceleration of a body at rest; beyond 26 deg off the vertical it tells that the vertical is wrong."""
-TRAVELS_G2S2 = 0.001
+TRAVELS_G2S2, TRAVEL_HOLD = 0.001, 0.3
+"""A smaller excess is no travel; it is remembered for 1 / 0.3 of the time that shows it."""
 LONGEST_RUN = 255
 CARRIED_G, TAKE_OFF_BLOCKS = 0.8, 4
 """A body without thrust that feels more is carried by the ground; one with thrust for so many blocks flies."""
@@ -344,7 +345,7 @@ class Model:
         x.travel_gs = x.travel_gs + self.block_s / motion.travel_s * (x.velocity_gs - x.travel_gs)
         explained = VELOCITY_UNIT_GS**2 * float(x.covariance[8, 8] + x.covariance[9, 9])
         excess = float(x.travel_gs @ x.travel_gs) - explained - (motion.travel_mps / G_MPS2) ** 2
-        x.travel_excess_g2s2 *= 1.0 - self.block_s / motion.travel_hold_s
+        x.travel_excess_g2s2 *= 1.0 - TRAVEL_HOLD * self.block_s / motion.travel_s
         x.travel_excess_g2s2 = max(x.travel_excess_g2s2, excess, 0.0)
         least = (motion.velocity_mps / G_MPS2) ** 2
         moving = motion.share * x.square_g2s2 + self.travel_gain * x.travel_excess_g2s2

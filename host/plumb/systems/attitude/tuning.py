@@ -97,7 +97,6 @@ class Motion:
         default=2.0, metadata=quantity("m/s", "lasting velocity beyond which the body travels, and the tilt waits")
     )
     travel_s: float = field(default=3.0, metadata=quantity("s", "time over which a velocity lasts"))
-    travel_hold_s: float = field(default=10.0, metadata=quantity("s", "time constant with which a travel is forgotten"))
 
 
 @dataclass(frozen=True)
