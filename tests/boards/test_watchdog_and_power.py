@@ -99,7 +99,7 @@ def test_one_late_turn_is_forgiven(image: bytes) -> None:
 def test_armed_and_missing_steps_without_disarming_is_reset(image: bytes, elf: Elf) -> None:
     """An image that could not disarm: what should have is patched out, and a step with all about it takes longer than
     its period. Every turn still comes round in time, with as many steps in it as one may have."""
-    machine = started(patched(image, elf, "arming_poll", RETURN))
+    machine = started(patched(image, elf, "arming_disarm", RETURN))
     with Session.open(machine.uart) as session:
         session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
         session.begin("REALTIME_LIVE")

@@ -63,7 +63,7 @@ def test_hash_is_the_crc32_of_the_canonical_text() -> None:
         "signal counter 8 4 little_endian unsigned 1.0 0.0 -",
     ]
     assert protocol().dbc_hash == zlib.crc32(("\n".join(lines) + "\n").encode())
-    header = (ROOT / "firmware" / "generated" / "messages.h").read_text()
+    header = (ROOT / "build/native/systems/generated/messages.h").read_text()
     assert f"#define MESSAGES_DBC_HASH 0x{protocol().dbc_hash:08X}U" in header
 
 

@@ -1,7 +1,7 @@
 """How many runs a second of one processor core: those of a campaign against those of `plumb.run`, one by one.
 
     python -m plumb.campaign.rate                 every system, open and closed loop, 60 s each
-    python -m plumb.campaign.rate quad balancer
+    python -m plumb.campaign.rate SYSTEM ...
 
 Both are measured in this process, in turn, by its processor time, so that their ratio holds on a busy machine, too.
 """

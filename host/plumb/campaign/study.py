@@ -1,6 +1,6 @@
 """A study: which runs a campaign makes. Declared in a TOML file, or by the name of a system and options.
 
-    system = "quad"
+    system = "NAME"
     runs = 4000                     # in all
     first_seed = 1000
     seconds = 60
@@ -219,7 +219,7 @@ def _built(table: Mapping[str, Any], path: str | None) -> Study:
         if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
             raise UsageError(f"{name} = {value!r}: it is {KINDS[kind]}")
     if "system" not in table:
-        raise UsageError('a study names its system: system = "quad"')
+        raise UsageError('a study names its system: system = "NAME"')
     given = dict(table)
     given["vary"] = tuple(factor_of(name, value) for name, value in _flat(given.get("vary", {})).items())
     given["faults"] = tuple(given.get("faults", ()))
