@@ -27,8 +27,8 @@ else()
     endforeach()
     set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${declarations})
     string(REPLACE ";" ":" path "${PLUMB_SYSTEM_PATH}")
-    # pip builds in a Python of its own and says so in PYTHONPATH; the Python of the build has what the generator needs.
-    execute_process(COMMAND ${CMAKE_COMMAND} -E env --unset=PYTHONPATH PLUMB_SYSTEM_PATH=${path}
+    # pip builds in a Python of its own and says so in PYTHONPATH: build-system.requires names what the generator needs.
+    execute_process(COMMAND ${CMAKE_COMMAND} -E env PLUMB_SYSTEM_PATH=${path}
                             ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tools/generate.py --out ${GENERATED_INCLUDE} "--systems=${PLUMB_SYSTEMS}"
                     RESULT_VARIABLE failed ERROR_VARIABLE why)
     if(failed)

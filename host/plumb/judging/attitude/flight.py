@@ -21,9 +21,6 @@ TUNING_NAME = scenarios.DEFAULT_TUNING
 FULL_Q15 = 32767
 """The setpoint that tells the step of full thrust."""
 RESTARTED = "RESTARTED"
-DRAG_TOLD = 1.37
-"""The drag that the estimator is told, by that of the rotors in a hover: the frame drags, too, and too much does less
-harm than too little."""
 
 
 class Runs:
@@ -36,7 +33,7 @@ class Runs:
             period_us=period_us,
             gyro=grade.gyro,
             accel=grade.accel,
-            aid=Aid(drag_per_s=DRAG_TOLD * frame.drag_per_s),
+            aid=Aid(drag_per_s=frame.drag_told_per_s),
         )
         self._core = native_core.Controllers(quantise(tuning), runs)
         flags = [flag.name for flag in system.flags]
