@@ -1,0 +1,138 @@
+"""`attitude` on a body that moves away, whose vertical was lost, or that flies on its rotors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from plumb.boards import native_core
+from plumb.spec.arrays import FloatArray
+from plumb.spec.records import Words
+from plumb.systems.attitude import scenarios as attitude
+from plumb.systems.attitude.quantise import G_MPS2, quantise
+from plumb.systems.attitude.tuning import Aid
+from systems.test_attitude_degradation import (
+    PERIOD_S,
+    PERIOD_US,
+    UNIT_DPS,
+    UNIT_G,
+    error_deg,
+    felt,
+    flagged,
+    run,
+    steps,
+    still,
+    swing,
+)
+
+Counts = npt.NDArray[np.int16]
+
+REST_S = 8.0
+ACCEL_G = 0.3
+
+
+def dash(speed_mps: float) -> FloatArray:
+    """Acceleration (n, 3) in g: to that speed along x by 0.3 g, four seconds at it, and back to rest."""
+    push = np.zeros((steps(speed_mps / G_MPS2 / ACCEL_G), 3))
+    push[:, 0] = ACCEL_G
+    return np.vstack([still(REST_S)[1], push, still(4.0)[1], -push, still(REST_S)[1]])
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 1.9, 2.1, 5.0, 12.0, 20.0, 24.0, 26.0])
+def test_a_dash_costs_a_fraction_of_what_the_accelerometer_says(speed_mps: float) -> None:
+    """Speeds on both sides of travel, 2 m/s, and of what a body at rest cannot have, 25 m/s. The body shakes, as
+    vehicles do."""
+    moved = dash(speed_mps)
+    rate = swing(len(moved) * PERIOD_S, 5.0, 2.0)
+    rate[: steps(REST_S - 2.0)] = 0.0
+    raw, up = felt(rate, moved)
+    words = run(raw)
+    error = error_deg(words, up)
+    assert np.degrees(np.arctan(ACCEL_G)) > 16.0
+    assert error.max() < 5.5, "a third of it"
+    assert not flagged(words, "RESTARTED").any()
+    assert flagged(words, "ACCELERATING").any() == (speed_mps > 1.0)
+
+
+@pytest.mark.parametrize("unseen_deg", [30.0, 90.0, 135.0, 179.0])
+def test_a_vertical_that_rest_contradicts_is_found_within_two_seconds(unseen_deg: float) -> None:
+    """The gyro was dead while the body was turned: neither a clipped nor a missing sample tells of it."""
+    rate, moved = still(20.0)
+    turn = slice(steps(10.0), steps(11.0))
+    rate[turn, 0] = unseen_deg
+    raw, up = felt(rate, moved)
+    raw[turn, :3] = 0
+    words = run(raw)
+    error = error_deg(words, up)
+    assert error[turn.stop - 1] > 20.0
+    assert flagged(words, "RESTARTED").any()
+    assert error[turn.stop + steps(2.0) :].max() < 1.0
+
+
+def test_a_tilt_that_rest_cannot_tell_from_a_slow_dash_waits_for_the_speed() -> None:
+    """20 deg feel like 0.34 g: a body at rest would be faster than 25 m/s after 7.4 s."""
+    rate, moved = still(30.0)
+    turn = slice(steps(10.0), steps(11.0))
+    rate[turn, 0] = 20.0
+    raw, up = felt(rate, moved)
+    raw[turn, :3] = 0
+    words = run(raw)
+    restarted = np.flatnonzero(flagged(words, "RESTARTED"))
+    assert restarted[0] * PERIOD_S == pytest.approx(11.0 + 2.5 / np.sin(np.radians(20.0)), abs=1.0)
+    assert error_deg(words, up)[-1] < 1.0
+
+
+def flight(pitch_deg: float, drag_per_s: float, seconds: float) -> tuple[Counts, FloatArray, FloatArray]:
+    """Counts (n, 6), vertical (n, 3) and thrust commands (n,) of a quadrotor that rests, takes off and flies pitched.
+
+    It holds its height. Its accelerometer feels thrust and the drag of its rotors, and never gravity."""
+    rest, tilt = steps(REST_S), np.radians(pitch_deg)
+    n = rest + steps(seconds)
+    rate, speed = np.zeros((n, 3)), 0.0
+    rate[rest + steps(2.0) : rest + steps(3.0), 1] = pitch_deg
+    raw, up = felt(rate, np.zeros_like(rate))
+    for k in range(rest, n):
+        angle = np.arctan2(-up[k, 0], up[k, 2])
+        drag = -drag_per_s * speed / G_MPS2
+        thrust_g = (1.0 + drag * np.sin(angle)) / np.cos(angle)
+        speed += PERIOD_S * G_MPS2 * (thrust_g * np.sin(angle) + drag * np.cos(angle))
+        raw[k, 3:] = np.rint(np.array([drag, 0.0, thrust_g]) / UNIT_G)
+        raw[k, :3] = np.rint(rate[k] / UNIT_DPS)
+    assert up[-1, 2] == pytest.approx(np.cos(tilt), abs=1e-3)
+    return raw, up, np.asarray(np.where(np.arange(n) < rest, 0.0, 0.45), np.float64)
+
+
+def flown(raw: Counts, thrust: FloatArray, told_per_s: float) -> Words:
+    tuning = replace(attitude.DEFAULT, period_us=PERIOD_US, aid=Aid(drag_per_s=told_per_s))
+    channels = {
+        name: replace(getattr(tuning, name), zero_counts=0.0, unit_per_count=unit, min_counts=-32767, max_counts=32767)
+        for name, unit in (("gyro", UNIT_DPS), ("accel", UNIT_G))
+    }
+    setpoint = np.rint(32767 * thrust).astype(np.int32)
+    return native_core.run_control(quantise(replace(tuning, **channels)), raw, setpoint)
+
+
+def test_the_drag_of_the_rotors_holds_the_vertical_of_a_pitched_flight() -> None:
+    raw, up, thrust = flight(15.0, 0.2, 40.0)
+    begun = steps(REST_S + 5.0)
+    aided, alone = flown(raw, thrust, 0.2), flown(raw, thrust, 0.0)
+    assert flagged(aided, "AIRBORNE")[begun:].all() and not flagged(alone, "AIRBORNE").any()
+    assert error_deg(aided, up)[begun:].max() < 1.5
+    speed_mps = G_MPS2 * np.hypot(aided["velocity_gs_q28_0"], aided["velocity_gs_q28_1"]) / 2.0**28
+    assert speed_mps[-1] == pytest.approx(G_MPS2 * np.tan(np.radians(15.0)) / 0.2, rel=0.1)
+    assert error_deg(flown(raw, thrust, 0.3), up)[begun:].max() < 4.0, "told half as much again"
+
+
+def test_without_thrust_the_ground_that_carries_the_vehicle_ends_the_flight() -> None:
+    raw, _, thrust = flight(0.0, 0.2, 10.0)
+    landed = steps(REST_S + 6.0)
+    thrust[landed:] = 0.0
+    words = flown(raw, thrust, 0.2)
+    assert flagged(words, "AIRBORNE")[landed - 1] and not flagged(words, "AIRBORNE")[landed + steps(0.3) :].any()
+    falls = raw.copy()
+    falls[landed:, 3:] = 0
+    falling = slice(landed + steps(0.3), landed + steps(2.0))
+    assert flagged(flown(falls, thrust, 0.2), "AIRBORNE")[falling].all(), "nothing carries a fall"
