@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
@@ -56,23 +57,27 @@ class InProcessParts:
         """Nothing is to be ended."""
 
 
-class InProcessBoard(Board):
+class InProcessBoard(Board, ABC):
     """What a board of this kind adds is how it runs: a step at a time, many steps, steps whose parameters change, and
     what stands beside steps."""
 
     task_kinds = KINDS
 
+    @abstractmethod
     def controller(self, params: ControlParams) -> Controller:
-        raise NotImplementedError
+        """One run with these parameters, a step at a time."""
 
+    @abstractmethod
     def words(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Words:
-        raise NotImplementedError
+        """The signals of every step of a run."""
 
+    @abstractmethod
     def words_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Words:
-        raise NotImplementedError
+        """The same of a run whose gains change."""
 
+    @abstractmethod
     def task_words(self, task: Task) -> Words:
-        raise NotImplementedError
+        """The signals of a task that is no run of steps."""
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = self.words(params, raw, setpoint)
