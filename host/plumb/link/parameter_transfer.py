@@ -51,9 +51,12 @@ class ParameterTransfer:
         identity = self._session.identity or self._session.connect()
         count, message = identity["PARAMETER_COUNT"], self._session.protocol["PARAM_VALUE"]
         values: dict[int, int] = {}
-        for _ in range(TRIES):
+        fruitless = 0  # requests that brought nothing new: a slow board may need many that bring a part
+        while fruitless < TRIES:
+            known = len(values)
             self._session.send([self._session.frame("PARAM_GET", 0xFFFF, 0)])
             self._collect(message, values, range(count))
+            fruitless = 0 if len(values) > known else fruitless + 1
             if len(values) == count:
                 rows = parameters.table()
                 words = [rows[i].from_word(values[i]) if i < len(rows) else values[i] for i in range(count)]
