@@ -4,6 +4,7 @@ that fail, and interrupts that come late."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from plumb.link.monitor import watch
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.spec.parameters import table
+from plumb.systems.quad import scenarios as quad
 from plumb.systems.turntable import scenarios as turntable
 from plumb.tuning.quantise import quantise
 from support.pins import LSB_V, PINS, at_rest
@@ -194,7 +196,9 @@ def test_a_board_whose_detection_is_switched_off_is_not_armed(analog: Bench, lim
 
 
 def test_a_noisy_input_is_no_reason_to_stop(analog: Bench) -> None:
-    """0.1 V rms, 124 counts: what is beyond the sensor's range is clamped and counted, and R grows with |a|."""
+    """0.1 V rms, 124 counts: what is beyond the sensor's range is clamped and counted, and R grows with |a|. With the
+    parameters of this period: those of 20 ms would turn by four times what the gyro's noise says."""
+    analog.name, analog.control = "", quantise(replace(quad.ADAPTIVE, period_us=PERIOD_US)).words()
     capture = analog.armed()
     at_rest(analog.machine, noise_lsb=0.1 / LSB_V)
     assert analog.run(capture, 2.0) >= 2e6 / PERIOD_US - 2  # some 7 of 200 steps a second are clamped
