@@ -61,7 +61,10 @@ def copy_tracked_files(tree: Path) -> None:
     for recipe in folder.glob("*.recipe.toml"):
         head, *entries = recipe.read_text().split("[[vector]]\n")
         kept = [one for one in entries if re.search(r'^name = "(\w+)"', one, re.M)[1] in VECTORS]  # type: ignore[index]
-        recipe.write_text("[[vector]]\n".join([head, *kept]))
+        if kept:
+            recipe.write_text("[[vector]]\n".join([head, *kept]))
+        else:
+            recipe.unlink()
     manifest = json.loads((folder / "manifest.json").read_text())
     manifest["vectors"] = [row for row in manifest["vectors"] if row["name"] in VECTORS]
     (folder / "manifest.json").write_text(json.dumps(manifest))

@@ -33,7 +33,7 @@ class Runs:
     def __len__(self) -> int:
         return self._study.runs
 
-    def __iter__(self) -> Iterator[dict[str, Any]]:
+    def __iter__(self) -> Iterator[dict[str, Any]]:  # Any: columns of several types
         for batch in self._all():
             yield from Results([batch]).rows()
 
@@ -52,12 +52,12 @@ class Runs:
             self._results = Results(self._batches)
         return self._results
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> dict[str, Any]:  # Any: columns of several types
         """Column name -> values of all runs, in the order of their seeds; metrics as arrays (runs,), NaN where a run
         has no such figure."""
         return self._whole().columns()
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> Any:  # Any: columns of several types
         """The table as a DataFrame; raises UsageError where pandas is not installed."""
         return self._whole().to_pandas()
 
@@ -131,7 +131,7 @@ def runs(
     arguments.require_number(seconds=seconds)
     given = str(system)
     declared = study.read(Path(given)).to_json() if given.endswith(".toml") else {"system": given}
-    asked: dict[str, Any] = {
+    asked: dict[str, Any] = {  # Any: columns of several types
         "runs": runs, "first_seed": first_seed, "seconds": seconds, "scenario": scenario, "tuning": tuning,
         "start": start, "draw": draw, "vary": vary, "conditions": conditions, "faults": list(faults) or None,
         "open_loop": open_loop or None, "reference": reference or None,
@@ -143,5 +143,5 @@ def runs(
     return Runs(study.from_table(table, given if given.endswith(".toml") else None), where)
 
 
-def _given(values: Mapping[str, Any]) -> dict[str, Any]:
+def _given(values: Mapping[str, Any]) -> dict[str, Any]:  # Any: columns of several types
     return {name: value for name, value in values.items() if value is not None}

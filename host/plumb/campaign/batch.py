@@ -55,10 +55,17 @@ class Batch:
     steps: list[int] = field(default_factory=list)
     digest: list[int | None] = field(default_factory=list)
     error: list[str | None] = field(default_factory=list)
-    values: dict[str, list[Any]] = field(default_factory=dict)
+    values: dict[str, list[Any]] = field(default_factory=dict)  # Any: columns of several types
     metrics: dict[str, list[float | None]] = field(default_factory=dict)
 
-    def add(self, study: Study, index: int, run: Run | None, error: str | None, metrics: dict[str, Any]) -> None:
+    def add(
+        self,
+        study: Study,
+        index: int,
+        run: Run | None,
+        error: str | None,
+        metrics: dict[str, Any],  # Any: by column
+    ) -> None:  # Any: columns of several types
         before = len(self.index)
         self.index.append(index)
         self.seed.append(study.seed(index))
@@ -175,7 +182,7 @@ def _attempt(study: Study, index: int) -> tuple[Run | None, str | None]:
         return None, f"{type(error).__name__}: {error}"
 
 
-def _metrics(run: Run | None, study: Study) -> dict[str, Any]:
+def _metrics(run: Run | None, study: Study) -> dict[str, Any]:  # Any: columns of several types
     """Figures of a run by name, without those that were not computed."""
     if run is None:
         return {}
@@ -218,6 +225,6 @@ def _confirmed(study: Study, finished: Sequence[Run]) -> list[int | None]:
     from plumb.proof.compare import count_mismatches
 
     assert study.confirm is not None
-    with open_board(study.confirm) as board:
+    with open_board(study.confirm, link=study.link) as board:
         answers = [board.run_injected(run.params, run.inputs.raw, run.inputs.setpoint) for run in finished]
     return [count_mismatches(run.words.digests(), other.digests) for run, other in zip(finished, answers, strict=True)]

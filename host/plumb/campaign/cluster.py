@@ -58,7 +58,11 @@ def _check_versions(client: Any) -> None:  # Any: distributed has no types
 
 
 def _run(
-    client: Any, distributed: Any, study: Study, tasks: Sequence[Task], address: str
+    client: Any,  # Any: dask has no types
+    distributed: Any,  # Any: dask has no types
+    study: Study,
+    tasks: Sequence[Task],
+    address: str,
 ) -> Iterator[tuple[int, Batch]]:
     left, numbers = list(reversed(tasks)), {}
     finished = distributed.as_completed(loop=client.loop)

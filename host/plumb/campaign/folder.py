@@ -82,7 +82,7 @@ def _short(value: object) -> str:
     return text if len(text) <= 24 else f"{text[:12]}...{text[-6:]}"
 
 
-def about_of(path: Path) -> dict[str, Any]:
+def about_of(path: Path) -> dict[str, Any]:  # Any: JSON
     """campaign.json of a folder; raises UsageError for a folder that has no campaign."""
     try:
         found = json.loads((path / ABOUT).read_text(encoding="utf-8"))

@@ -30,9 +30,9 @@ class Report:
     effects: Sequence[Effect]
     differences: Sequence[Difference]
     shares: Sequence[Share]
-    identity: dict[str, Any]
+    identity: dict[str, Any]  # Any: JSON
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:  # Any: JSON
         """What `plumb campaign --json` prints."""
         failed = [
             {

@@ -33,7 +33,9 @@ class Results:
         self.steps = np.array([one for batch in ordered for one in batch.steps], np.int64)
         self.digest = [one for batch in ordered for one in batch.digest]
         self.error = [one for batch in ordered for one in batch.error]
-        self.values: dict[str, list[Any]] = _joined(ordered, [batch.values for batch in ordered])
+        self.values: dict[str, list[Any]] = _joined(  # Any: by column
+            ordered, [batch.values for batch in ordered]
+        )  # Any: columns of several types
         figures = _joined(ordered, [batch.metrics for batch in ordered])
         self.metrics: dict[str, FloatArray] = {
             name: np.array([np.nan if one is None else one for one in column], np.float64)
@@ -48,12 +50,12 @@ class Results:
         """Places of the runs that failed."""
         return [place for place, error in enumerate(self.error) if error is not None]
 
-    def columns(self) -> dict[str, Any]:
+    def columns(self) -> dict[str, Any]:  # Any: columns of several types
         """Every column by name."""
-        given: dict[str, Any] = {name: getattr(self, name) for name in COLUMNS}
+        given: dict[str, Any] = {name: getattr(self, name) for name in COLUMNS}  # Any: columns of several types
         return {**given, **{name: _texts(column) for name, column in self.values.items()}, **self.metrics}
 
-    def rows(self) -> Iterator[dict[str, Any]]:
+    def rows(self) -> Iterator[dict[str, Any]]:  # Any: columns of several types
         """The runs, one after the other, as plain values; None where there is no figure."""
         columns = {
             name: column.tolist() if isinstance(column, np.ndarray) else column
@@ -74,7 +76,10 @@ class Results:
         return pandas.DataFrame(self.columns())
 
 
-def _joined(batches: list[Batch], columns: list[Mapping[str, list[Any]]]) -> dict[str, list[Any]]:
+def _joined(
+    batches: list[Batch],
+    columns: list[Mapping[str, list[Any]]],  # Any: by column
+) -> dict[str, list[Any]]:  # Any: columns of several types
     names = dict.fromkeys(name for one in columns for name in one)
     return {
         name: [
@@ -86,7 +91,7 @@ def _joined(batches: list[Batch], columns: list[Mapping[str, list[Any]]]) -> dic
     }
 
 
-def _texts(column: list[Any]) -> list[Any]:
+def _texts(column: list[Any]) -> list[Any]:  # Any: columns of several types
     """Lists of faults as one text each."""
     return [", ".join(one) if isinstance(one, list) else one for one in column]
 

@@ -62,7 +62,7 @@ def interval(values: FloatArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def figure(values: FloatArray, index: np.ndarray[Any, np.dtype[np.int64]]) -> Figure | None:
+def figure(values: FloatArray, index: np.ndarray[Any, np.dtype[np.int64]]) -> Figure | None:  # Any: of any shape
     """The figure of a metric, values (runs,) with NaN where a run has none; None where no run has one."""
     known = np.isfinite(values)
     if not known.any():
@@ -152,7 +152,7 @@ class Effect:
     levels: tuple[tuple[str, float, int], ...]
 
 
-def effect(factor: str, metric: str, settings: Sequence[Any], values: FloatArray) -> Effect | None:
+def effect(factor: str, metric: str, settings: Sequence[Any], values: FloatArray) -> Effect | None:  # Any: of any shape
     """None where the factor has one level only."""
     level_of, names = _levels(settings)
     known = np.isfinite(values)
@@ -167,7 +167,7 @@ def effect(factor: str, metric: str, settings: Sequence[Any], values: FloatArray
     return Effect(factor, metric, max(0.0, share), levels)
 
 
-def _levels(settings: Sequence[Any]) -> tuple[np.ndarray[Any, np.dtype[np.int64]], list[str]]:
+def _levels(settings: Sequence[Any]) -> tuple[np.ndarray[Any, np.dtype[np.int64]], list[str]]:  # Any: of any shape
     """Level of every run, and the levels' names: values, or equal parts of many numbers."""
     if all(isinstance(one, int | float) for one in settings) and len(set(settings)) > BINS:
         numbers = np.array(settings, np.float64)

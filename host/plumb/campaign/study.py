@@ -66,10 +66,12 @@ class Study:
     """Metric -> the most that a run may have; the share of the runs that keep it is reported."""
     reference: bool = False
     confirm: str | None = None
+    link: str = "serial"
+    """serial or can, of `virtual`."""
     path: str | None = None
     """The file that it was read from."""
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:  # Any: TOML
         """Everything that decides what the runs are."""
         plain = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
         del plain["path"]
@@ -97,7 +99,7 @@ class Study:
         values = self.values(index)
         conditions = dict(self.conditions)
         settings: dict[str, float] = {}
-        chosen: dict[str, Any] = {"scenario": self.scenario, "tuning": self.tuning, "start": self.start}
+        chosen: dict[str, Any] = {"scenario": self.scenario, "tuning": self.tuning, "start": self.start}  # Any: TOML
         faults: list[str] = list(self.faults)
         for name, value in values.items():
             if name == "faults":
@@ -181,7 +183,7 @@ def _replaced(settings: Any, path: list[str], value: float, of: str) -> Any:  # 
 KEYS: dict[str, type] = {
     "system": str, "runs": int, "first_seed": int, "seconds": float, "open_loop": bool, "scenario": str, "tuning": str,
     "start": str, "faults": list, "conditions": dict, "draw": str, "draw_seed": int, "vary": dict, "limits": dict,
-    "reference": bool, "confirm": str,
+    "reference": bool, "confirm": str, "link": str,
 }  # fmt: skip
 """Entries of a study and their kinds."""
 KINDS: dict[type, str] = {
@@ -199,7 +201,7 @@ def read(path: Path) -> Study:
     return from_table(table, str(path))
 
 
-def from_table(table: Mapping[str, Any], path: str | None = None) -> Study:
+def from_table(table: Mapping[str, Any], path: str | None = None) -> Study:  # Any: TOML
     """A study from its entries; checks what can be wrong before the first run. Raises UsageError."""
     try:
         study = _built(table, path)
@@ -209,7 +211,7 @@ def from_table(table: Mapping[str, Any], path: str | None = None) -> Study:
     return study
 
 
-def _built(table: Mapping[str, Any], path: str | None) -> Study:
+def _built(table: Mapping[str, Any], path: str | None) -> Study:  # Any: TOML
     for name, value in table.items():
         if name not in KEYS:
             near = did_you_mean(name, list(KEYS))
@@ -220,6 +222,8 @@ def _built(table: Mapping[str, Any], path: str | None) -> Study:
             raise UsageError(f"{name} = {value!r}: it is {KINDS[kind]}")
     if "system" not in table:
         raise UsageError('a study names its system: system = "NAME"')
+    if table.get("link", "serial") not in ("serial", "can"):
+        raise UsageError(f"link = {table['link']!r}: it is serial or can")
     given = dict(table)
     given["vary"] = tuple(factor_of(name, value) for name, value in _flat(given.get("vary", {})).items())
     given["faults"] = tuple(given.get("faults", ()))
@@ -234,9 +238,9 @@ def _real(name: str, value: object) -> float:
     return float(value)
 
 
-def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:  # Any: TOML
     """Tables in tables as names with dots; a range is a table, too."""
-    found: dict[str, Any] = {}
+    found: dict[str, Any] = {}  # Any: TOML
     for name, value in table.items():
         inner = isinstance(value, Mapping) and not {"low", "high"} & set(value)
         found |= _flat(value, f"{before}{name}.") if inner else {before + name: value}

@@ -45,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_open_loop(parser)
     parser.add_argument("--reference", action="store_true", help="compare every run with the float64 reference, too")
     parser.add_argument("--confirm", metavar="B", help="run every step on a further board and compare: virtual, qemu")
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="link to a `virtual` that confirms")
     parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="tcp://HOST:PORT of a Dask scheduler, instead of cores")
     parser.add_argument("--out", type=Path, metavar="DIR", help="keep every batch, and write runs, summary and page")
@@ -61,10 +62,11 @@ def _study(arguments: argparse.Namespace) -> Study:
     given = str(arguments.study)
     path = Path(given)
     declared = path.suffix == ".toml"
-    table: dict[str, Any] = study.read(path).to_json() if declared else {"system": given}
+    table: dict[str, Any] = study.read(path).to_json() if declared else {"system": given}  # Any: TOML
     asked = {
         "runs": arguments.runs, "seconds": arguments.seconds, "first_seed": arguments.first_seed,
         "scenario": arguments.scenario, "tuning": arguments.tuning, "confirm": arguments.confirm,
+        "link": arguments.link if arguments.link != "serial" else None,
     }  # fmt: skip
     table = {name: value for name, value in {**table, **_given(asked)}.items() if value is not None}
     if arguments.condition:
