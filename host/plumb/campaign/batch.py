@@ -65,7 +65,7 @@ class Batch:
         run: Run | None,
         error: str | None,
         metrics: dict[str, Any],  # Any: by column
-    ) -> None:  # Any: columns of several types
+    ) -> None:
         before = len(self.index)
         self.index.append(index)
         self.seed.append(study.seed(index))

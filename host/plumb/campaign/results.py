@@ -35,7 +35,7 @@ class Results:
         self.error = [one for batch in ordered for one in batch.error]
         self.values: dict[str, list[Any]] = _joined(  # Any: by column
             ordered, [batch.values for batch in ordered]
-        )  # Any: columns of several types
+        )
         figures = _joined(ordered, [batch.metrics for batch in ordered])
         self.metrics: dict[str, FloatArray] = {
             name: np.array([np.nan if one is None else one for one in column], np.float64)
