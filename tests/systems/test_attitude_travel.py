@@ -14,7 +14,7 @@ from plumb.spec.records import Words
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.quantise import G_MPS2, quantise
 from plumb.systems.attitude.tuning import Aid
-from systems.test_attitude_degradation import (
+from support.prescribed_motion import (
     PERIOD_S,
     PERIOD_US,
     UNIT_DPS,
