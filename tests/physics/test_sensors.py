@@ -10,7 +10,7 @@ import pytest
 from plumb.errors import UsageError
 from plumb.physics.sensors import ADC_REFERENCE_V, Enc03, Fault, Mma7260, OnePole, adc_counts
 from plumb.systems.quad import scenarios as quad
-from plumb.systems.quad.drawn_run import GRID_S
+from plumb.systems.quad.lateral import GRID_S
 from plumb.systems.quad.plant import QuadPlant
 
 

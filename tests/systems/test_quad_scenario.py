@@ -15,7 +15,7 @@ from plumb.proof import metrics
 from plumb.spec.tuning import Kalman
 from plumb.systems import load, run_reference, scoring
 from plumb.systems.quad import scenarios as quad
-from plumb.systems.quad.drawn_run import Scenario
+from plumb.systems.quad.drawn_run import Scenario, on_grid
 from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
 
@@ -148,7 +148,7 @@ def test_the_hand_waits_for_the_motors() -> None:
     axis = QuadPlant(quad.scenario("quiet", 4))
     axis.advance_to(6.0, (1000.0, 1000.0))
     held_deg = axis.tilt_deg
-    assert held_deg == pytest.approx(axis.scenario.on_grid(axis.scenario.prescribed_deg, 6.0))
+    assert held_deg == pytest.approx(on_grid(axis.scenario.prescribed_deg, 6.0))
     axis.advance_to(6.3, (1700.0, 1300.0))
     assert axis.tilt_deg > held_deg + 10.0
 

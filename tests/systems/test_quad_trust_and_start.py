@@ -10,7 +10,7 @@ import pytest
 from plumb.boards import native_core
 from plumb.spec.records import Words
 from plumb.systems.quad import scenarios as quad
-from plumb.systems.quad.drawn_run import Scenario
+from plumb.systems.quad.drawn_run import Scenario, on_grid
 from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning import quantise
 
@@ -50,7 +50,7 @@ def test_r_is_distrust_while_a_burst_lasts_and_trust_right_after() -> None:
     """No memory: a burst is 0.15 s of sideways acceleration, and R is back within a few samples of its end."""
     tuning = quad.TUNINGS["adaptive"]
     drawn, words = run(tuning, "motion")
-    r, lateral_g = r_deg2(tuning, words), np.abs(drawn.on_grid(drawn.lateral_g, drawn.time_s))
+    r, lateral_g = r_deg2(tuning, words), np.abs(on_grid(drawn.lateral_g, drawn.time_s))
     tilted = np.abs(drawn.tilt_deg()) > 10.0
     strong, weak = (lateral_g > 0.2) & tilted, (lateral_g < 0.01) & tilted
     assert strong.sum() > 20 and np.median(r[strong]) > 5.0 * np.median(r[weak])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -56,7 +58,13 @@ class Answer:
 
 def available(system: str) -> bool:
     """Whether the loaded core has the plant of a system."""
-    return system in systems.with_part(COMPILED.name) and hasattr(native_core.c_core(), f"plumb_plant_{system}")
+    return hasattr(native_core.c_core(), f"plumb_plant_{system}") and _is_file(
+        COMPILED.path(declarations.system(system))
+    )
+
+
+_is_file = cache(Path.is_file)
+"""Asked for every run of a campaign; no part of a system comes or goes meanwhile."""
 
 
 def closed_loop(scenario: Scenario, params: ControlParams, *, open_loop: bool = False) -> Answer:

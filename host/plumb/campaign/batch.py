@@ -138,7 +138,7 @@ def run_batch(study: Study, indices: range) -> Batch:
 
 def digest_of(words: Words) -> int:
     """The digest of a run: CRC-32 over the bytes of which its steps have their digests, in order."""
-    return zlib.crc32(words.record.tobytes())
+    return zlib.crc32(np.ascontiguousarray(words.record).view(np.uint8).data)
 
 
 def run_one(request: RunRequest) -> Run:
@@ -168,9 +168,10 @@ def _compiled(request: RunRequest, drawn: Drawn) -> bool:
         return False
     if drawn.closes:
         return True
+    if not systems.load(request.system, COMPILED).PRESCRIBES:
+        return False
     asked = systems.load(request.system).faults([disturbance.parse(text) for text in request.faults])
-    pushed = any(isinstance(fault, Push) for fault in asked)
-    return systems.load(request.system, COMPILED).PRESCRIBES and not pushed
+    return not any(isinstance(fault, Push) for fault in asked)
 
 
 def _attempt(study: Study, index: int) -> tuple[Run | None, str | None]:

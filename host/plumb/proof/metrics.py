@@ -19,7 +19,8 @@ HOLD_WITHIN_DEG, HOLD_SETTLE_S, HOLD_DWELL_S = 2.0, 2.0, 1.0
 
 def wrap_deg(angle_deg: npt.ArrayLike) -> FloatArray:
     """The same angles in -180 <= angle < 180, any shape."""
-    return np.asarray((np.asarray(angle_deg, np.float64) + 180.0) % 360.0 - 180.0)
+    angle = np.asarray(angle_deg, np.float64)
+    return np.asarray(angle - 360.0 * np.floor((angle + 180.0) / 360.0))
 
 
 def two_sigma(variance_lsb: npt.ArrayLike, lsb: float) -> FloatArray:

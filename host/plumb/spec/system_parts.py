@@ -49,6 +49,9 @@ def load(system: str, part: Part[P]) -> P:
     """The part of a system. Raises UsageError for an unknown system, a missing part, and a module that does not fulfil
     the contract."""
     declared = declarations.system(system)
+    known = _loaded.get((id(declared), part.place, part.name))
+    if known is not None and known[1] is part.contract:
+        return cast(P, known[2])
     if not part.path(declared).is_file():
         reason = part.without or "every system has this file: CONTRIBUTING.md, 'Add a system', says what it offers"
         raise UsageError(f"{system} has no {part.name}.py: {reason}")
@@ -57,7 +60,13 @@ def load(system: str, part: Part[P]) -> P:
         for name, value in part.defaults(system).items():
             vars(module).setdefault(name, value)
     check(module, part.contract)
+    _loaded[id(declared), part.place, part.name] = declared, part.contract, module
     return cast(P, module)
+
+
+_loaded: dict[tuple[int, str, str], tuple[System, type, ModuleType]] = {}
+"""What `load` has checked: every run of a campaign asks for the same parts. The declaration stays, and so does its
+identity."""
 
 
 @cache

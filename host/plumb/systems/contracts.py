@@ -6,8 +6,9 @@ come from; the types do not express this, so a caller must not mix two systems.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar, runtime_checkable
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -415,9 +416,14 @@ def link_words(system: System, scenario: Scenario) -> dict[str, int]:
 
 def tuning_for(system: System, scenario: str) -> str:
     """The tuning that a scenario runs with unless told otherwise."""
-    if isinstance(system, TunedScenarios):
-        return system.TUNING_FOR.get(scenario, system.DEFAULT_TUNING)
+    if _has_tuned_scenarios(cast(Hashable, system)):
+        return cast(TunedScenarios, system).TUNING_FOR.get(scenario, system.DEFAULT_TUNING)
     return system.DEFAULT_TUNING
+
+
+@cache
+def _has_tuned_scenarios(system: Hashable) -> bool:
+    return isinstance(system, TunedScenarios)
 
 
 def fitted(scenario: Scenario, tuning: AnyTuning) -> AnyTuning:

@@ -25,6 +25,7 @@ from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import Run, open_loop, prescribed
 from plumb.spec.arrays import FloatArray
 from plumb.systems import run_reference, scoring
+from plumb.systems.quad import lateral
 from plumb.systems.quad import plant as quad_plant
 from plumb.systems.quad import reference as reference_quad
 from plumb.systems.quad import scenarios as quad
@@ -39,8 +40,8 @@ ASSUMED = (
     "Scores t >= 10 s (runs under 20 s: the second half); tunings fitted on seeds 0-19; atan2 of the sampled values.",
     f"Assumed: gyro noise {quad.GYRO_NOISE_DPS} deg/s, bias +-{quad.BIAS_DPS:g} and drift {quad.DRIFT_DPS:g} deg/s in"
     f" {quad.DRIFT_TAU_S:g} s, walk {quad.WALK_DPS_PER_RTS} deg/s/sqrt(s), scale {100 * quad.SCALE_ERROR:g} %;",
-    f"accelerometer offset {1e3 * quad.OFFSET_G:g} mg, vibration {quad.VIBRATION_G} g at 2-12 Hz, {quad.BURSTS} bursts"
-    f" of {quad.BURST_G} g; ADC noise {ADC_NOISE_LSB} LSB. Gyro only: bias taken from the first 3 s.",
+    f"accelerometer offset {1e3 * quad.OFFSET_G:g} mg, vibration {lateral.VIBRATION_G} g at 2-12 Hz, {quad.BURSTS}"
+    f" bursts of {lateral.BURST_G} g; ADC noise {ADC_NOISE_LSB} LSB. Gyro only: bias taken from the first 3 s.",
     "quiet: the accelerometer's offset is the largest part of what the tunings for quiet leave. `adaptive` trusts the"
     " gyro for seconds, and the printed U, the gyro's previous sample, is half a period late; `trapezium` undoes that.",
     "Complementary filter and weighted average, which the firmware does not have: float64, constants fitted on seeds"

@@ -42,9 +42,10 @@ def metrics(run: Run) -> dict[str, float | None]:
         return float(measure(deg, truth_deg, scored)) if scored.any() else None
 
     apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
+    estimated_deg = estimate_deg(run)
     return {
-        "angle_rmse_deg": figure(measures.angle_rmse_deg, estimate_deg(run)),
-        "angle_max_deg": figure(measures.angle_max_deg, estimate_deg(run)),
+        "angle_rmse_deg": figure(measures.angle_rmse_deg, estimated_deg),
+        "angle_max_deg": figure(measures.angle_max_deg, estimated_deg),
         "accel_only_rmse_deg": figure(measures.angle_rmse_deg, accel_only_deg(run)),
         "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
         "bias_settled_s": bias_settled_s(run),

@@ -10,7 +10,8 @@ from plumb.physics.sensors import ADC_COUNTS, ADC_REFERENCE_V, FAULT_NOISE_V, On
 from plumb.spec.arrays import FloatArray
 from plumb.systems.compiled_plants import DrawnRun
 from plumb.systems.quad import plant
-from plumb.systems.quad.drawn_run import GRID_S, GYRO, Scenario
+from plumb.systems.quad.drawn_run import GYRO, Scenario
+from plumb.systems.quad.lateral import GRID_S
 
 PRESCRIBES = False
 

@@ -22,7 +22,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from plumb.physics.sensors import Fault, OnePole, adc_counts
-from plumb.systems.quad.drawn_run import CHANNELS, GRID_S, Scenario
+from plumb.systems.quad.drawn_run import CHANNELS, Scenario
+from plumb.systems.quad.lateral import GRID_S
 
 INERTIA_KGM2 = 0.015
 ARM_M = 0.225

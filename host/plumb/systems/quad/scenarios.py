@@ -16,7 +16,6 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
@@ -28,13 +27,14 @@ from plumb.physics.sensors import (
     Fault,
     Mma7260,
     Push,
-    band_noise,
     faults_of,
 )
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Calibration, Esc, Kalman, Pid, Start, Trust
 from plumb.systems.contracts import Plant
-from plumb.systems.quad.drawn_run import CHANNELS, GRID_S, GYRO, Scenario
+from plumb.systems.quad import lateral as lateral_motion
+from plumb.systems.quad.drawn_run import CHANNELS, GYRO, LateNoise, Prescribed, Scenario
+from plumb.systems.quad.lateral import BURST_G, GRID_S, Lateral, fade
 from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
 
@@ -50,10 +50,7 @@ GYRO_NOISE_DPS = 0.5
 BIAS_DPS, DRIFT_DPS, DRIFT_TAU_S, WALK_DPS_PER_RTS = 2.0, 3.0, 100.0, 0.005
 SCALE_ERROR = 0.01
 OFFSET_G = 0.003
-VIBRATION_G, VIBRATION_HZ = 0.03, (2.0, 12.0)
-BURSTS, BURST_G, BURST_S, BURST_BETWEEN_S = 6, 0.3, 0.15, (15.0, 115.0)
-BURST_REACH_S = 28.0 * BURST_S
-"""Beyond it a burst is 0 in float64."""
+BURSTS, BURST_BETWEEN_S = 6, (15.0, 115.0)
 
 # `converge`: at rest; the filter starts 30 deg and 5 deg/s off; 0.5 deg of accelerometer noise and no other error.
 CONVERGE_TILT_DPS = (-30.0, -5.0)
@@ -221,31 +218,23 @@ def scenario(
     accelerometer = Mma7260(bandwidth_hz)
     period_s = period_us * 1e-6
     steps, points = round(seconds / period_s), round(seconds / GRID_S)
-    t, grid_s = np.arange(steps) * period_s, np.arange(points + 1) * GRID_S
+    t = np.arange(steps) * period_s
+    lateral_motion.check(points)
 
     start_bias_dps = rng.uniform(-BIAS_DPS, BIAS_DPS)
-    drift_dps = rng.choice([-DRIFT_DPS, DRIFT_DPS])
+    drift_dps = DRIFT_DPS * (2.0 * rng.integers(0, 2) - 1.0)
     scale = 1.0 + SCALE_ERROR * rng.standard_normal()
     offset_g = OFFSET_G * rng.standard_normal(2)
     burst_s = rng.uniform(*BURST_BETWEEN_S, BURSTS)
-    burst_g = BURST_G * rng.choice([-1.0, 1.0], BURSTS)
+    burst_g = np.asarray(BURST_G * (2.0 * rng.integers(0, 2, BURSTS) - 1.0), np.float64)
     walk_dps = np.cumsum(WALK_DPS_PER_RTS * np.sqrt(period_s) * rng.standard_normal(steps))
-    vibration = band_noise(rng.standard_normal(points), *VIBRATION_HZ, GRID_S)
+    vibration = rng.standard_normal(points)
     gyro_noise_dps = GYRO_NOISE_DPS * rng.standard_normal(steps)
     accel_noise_g = accelerometer.noise_g * _correlated(rng.standard_normal((2, steps)), bandwidth_hz, period_s)
     adc_noise_v = ADC_NOISE_LSB * ADC_REFERENCE_V / ADC_COUNTS * rng.standard_normal((CHANNELS, steps))
-    torque_noise = rng.standard_normal(1 + points)
-    fault_noise = rng.standard_normal((CHANNELS, steps))
 
-    prescribed_deg, setpoint_deg, hand = _profile(name, points)
-    on = np.clip((grid_s - 5.0) / 2.0, 0.0, 1.0)
-    lateral_g = VIBRATION_G * np.append(vibration, vibration[0]) * on
-    if name == "motion":
-        for at_s, peak_g in zip(burst_s, burst_g, strict=True):
-            near = slice(*np.searchsorted(grid_s, (at_s - BURST_REACH_S, at_s + BURST_REACH_S)))
-            lateral_g[near] += peak_g * np.exp(-(((grid_s[near] - at_s) / BURST_S) ** 2))
-    if name in ("quiet", "converge"):
-        lateral_g = np.zeros_like(lateral_g)
+    bursts = slice(None) if name == "motion" else slice(0)
+    lateral = Lateral(vibration, burst_s[bursts], burst_g[bursts], still=name in ("quiet", "converge"))
     bias_dps = start_bias_dps + drift_dps * (1.0 - np.exp(-t / DRIFT_TAU_S)) + walk_dps
     if name == "converge":
         scale, offset_g = 1.0, np.zeros(2)
@@ -256,18 +245,15 @@ def scenario(
         seed,
         period_us,
         accelerometer,
-        prescribed_deg,
-        setpoint_deg,
-        lateral_g,
-        hand,
+        _prescribed(name, points),
+        lateral,
         scale,
         offset_g,
         bias_dps,
         gyro_noise_dps,
         accel_noise_g,
         adc_noise_v,
-        fault_noise,
-        torque_noise,
+        LateNoise(rng, points, steps),
         tuple(fault for fault in faults if isinstance(fault, Fault)),
         tuple(push for push in faults if isinstance(push, Push)),
         1e-3 * delay_ms,
@@ -280,29 +266,27 @@ def plant(scenario: Scenario, *, open_loop: bool = False) -> Plant:
 
 
 @lru_cache(maxsize=16)
-def _profile(name: str, points: int) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Prescribed tilt and setpoint in deg, and when the hand holds the axis in a closed loop; (points + 1,) each."""
+def _prescribed(name: str, points: int) -> Prescribed:
     t = np.arange(points + 1) * GRID_S
     level, rest = np.zeros(points + 1), t < HOLD_REST_S
     if name in ("motion", "quiet"):
         tilt = _smooth(_rolling, points)
-        return tilt, tilt, rest
+        return Prescribed(tilt, tilt, rest)
     if name == "disturb":
         # Starts 12 deg off, is moved by hand twice, ends level. Read from the paper's figures, which give no times.
         tilt = _smooth(lambda s: np.interp(s, [0, 5, 6, 9, 10.5, 14, 15], [12, 12, 35, 35, -25, -25, 0]), points)
-        return tilt, level, t < 16.0
+        return Prescribed(tilt, level, t < 16.0)
     if name == "hold":
         pulled = HOLD_TILT_DEG * np.clip((t - HOLD_MOVE_S) / 0.4, 0.0, 1.0)
         tilt = np.where(t < HOLD_RELEASE_S, pulled, pulled * np.exp(-(t - HOLD_RELEASE_S) / 0.4))
-        return tilt, level, rest | ((t >= HOLD_MOVE_S) & (t < HOLD_RELEASE_S))
-    return level + CONVERGE_TILT_DPS[0], level, t >= 0.0
+        return Prescribed(tilt, level, rest | ((t >= HOLD_MOVE_S) & (t < HOLD_RELEASE_S)))
+    return Prescribed(level + CONVERGE_TILT_DPS[0], level, t >= 0.0)
 
 
 def _rolling(t: FloatArray) -> FloatArray:
     """The motion of `motion` before smoothing, deg."""
-    on = np.clip((t - 5.0) / 2.0, 0.0, 1.0)
     slow, fast = 15.0 * np.sin(2 * np.pi * 0.25 * t), 8.0 * np.sin(2 * np.pi * 0.7 * t + 1.0)
-    return on * (slow + fast + 10.0 * np.sign(np.sin(2 * np.pi * t / 37.0)))
+    return fade(t) * (slow + fast + 10.0 * np.sign(np.sin(2 * np.pi * t / 37.0)))
 
 
 def _smooth(motion: Callable[[FloatArray], FloatArray], points: int) -> FloatArray:
