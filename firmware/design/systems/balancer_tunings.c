@@ -2,352 +2,70 @@
 /* clang-format off */
 #include "plumb/balancer_tunings.h"
 
+/* The groups of settings, each set of values once. */
+#define CHANNEL_1 \
+    {.zero_counts = 0.0, .unit_per_count = 0.06956521739130435, .min_counts = -31625, \
+     .max_counts = 31625}
+#define CHANNEL_2 \
+    {.zero_counts = 0.0, .unit_per_count = -0.0039, .min_counts = -4095, .max_counts = 4094}
+#define CHANNEL_3 \
+    {.zero_counts = 0.0, .unit_per_count = 0.0039, .min_counts = -4095, .max_counts = 4094}
+#define CALIBRATION_1 \
+    {.gyro = CHANNEL_1, .accel = CHANNEL_2, .accel_up = CHANNEL_3}
+#define KALMAN_1 \
+    {.q_angle_deg2_per_s = 0.001, .q_bias_dps2_per_s = 0.001, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
+     .bias_max_dps = 300.0}
+#define TRUST_1 \
+    {.r_deg2 = 33.0, .gain_deg2 = 0.0, .r_max_deg2 = 1000.0}
+#define START_1 \
+    {.tilt_deg = 0.0, .bias_dps = 0.0, .p00_deg2 = 1.0, .p01_deg2_per_s = 0.0, .p11_dps2 = 9.0}
+#define PID_1 \
+    {.kp_per_deg = 0.08, .ki_per_deg_s = 0.2, .kd_per_dps = 0.008, .derivative_tau_s = 0.0, \
+     .slew_per_s = 1000.0}
+#define WHEEL_1 \
+    {.edge_m = 0.0037399912542735634, .edges_max = 0, .tau_s = 0.2, .accel_share = 1.0}
+#define SPEEDLOOP_1 \
+    {.lean_deg_per_mps = 5.0, .lean_deg_per_m = 0.5, .lean_deg_per_g = 0.0, .accel_tau_s = 0.0, \
+     .lean_max_deg = 8.0, .lean_slew_dps = 10000.0, .speed_max_mps = 1.0}
+#define DRIVE_1 \
+    {.span = -0.999969482421875, .duty_max = 0.999969482421875, .fall_deg = 45.0}
+#define WHEEL_2 \
+    {.edge_m = 0.0037399912542735634, .edges_max = 0, .tau_s = 0.2, .accel_share = 0.0}
+#define KALMAN_2 \
+    {.q_angle_deg2_per_s = 0.001, .q_bias_dps2_per_s = 0.0005, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
+     .bias_max_dps = 300.0}
+#define TRUST_2 \
+    {.r_deg2 = 36.0, .gain_deg2 = 0.0, .r_max_deg2 = 1000.0}
+#define KALMAN_3 \
+    {.q_angle_deg2_per_s = 0.1, .q_bias_dps2_per_s = 9.999999999999999e-05, \
+     .rate = PLUMB_TUNING_RATE_PREVIOUS, .bias_max_dps = 300.0}
+
 const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_TUNED = {
-    .period_us = 10000,
-    .calibration = {
-        .gyro = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.06956521739130435,
-            .min_counts = -31625,
-            .max_counts = 31625,
-        },
-        .accel = {
-            .zero_counts = 0.0,
-            .unit_per_count = -0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-        .accel_up = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-    },
-    .kalman = {
-        .q_angle_deg2_per_s = 0.001,
-        .q_bias_dps2_per_s = 0.001,
-        .rate = PLUMB_TUNING_RATE_PREVIOUS,
-        .bias_max_dps = 300.0,
-    },
-    .trust = {
-        .r_deg2 = 33.0,
-        .gain_deg2 = 0.0,
-        .r_max_deg2 = 1000.0,
-    },
-    .tilt = PLUMB_TUNING_ATAN2,
-    .start = {
-        .tilt_deg = 0.0,
-        .bias_dps = 0.0,
-        .p00_deg2 = 1.0,
-        .p01_deg2_per_s = 0.0,
-        .p11_dps2 = 9.0,
-    },
-    .pid = {
-        .kp_per_deg = 0.08,
-        .ki_per_deg_s = 0.2,
-        .kd_per_dps = 0.008,
-        .derivative_tau_s = 0.0,
-        .slew_per_s = 1000.0,
-    },
-    .wheel = {
-        .edge_m = 0.0037399912542735634,
-        .edges_max = 0,
-        .tau_s = 0.2,
-        .accel_share = 1.0,
-    },
-    .speed = {
-        .lean_deg_per_mps = 5.0,
-        .lean_deg_per_m = 0.5,
-        .lean_deg_per_g = 0.0,
-        .accel_tau_s = 0.0,
-        .lean_max_deg = 8.0,
-        .lean_slew_dps = 10000.0,
-        .speed_max_mps = 1.0,
-    },
-    .drive = {
-        .span = -0.999969482421875,
-        .duty_max = 0.999969482421875,
-        .fall_deg = 45.0,
-    },
+    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_1, .trust = TRUST_1,
+    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_1, .speed = SPEEDLOOP_1,
+    .drive = DRIVE_1,
 };
 
 const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN = {
-    .period_us = 10000,
-    .calibration = {
-        .gyro = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.06956521739130435,
-            .min_counts = -31625,
-            .max_counts = 31625,
-        },
-        .accel = {
-            .zero_counts = 0.0,
-            .unit_per_count = -0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-        .accel_up = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-    },
-    .kalman = {
-        .q_angle_deg2_per_s = 0.001,
-        .q_bias_dps2_per_s = 0.001,
-        .rate = PLUMB_TUNING_RATE_PREVIOUS,
-        .bias_max_dps = 300.0,
-    },
-    .trust = {
-        .r_deg2 = 33.0,
-        .gain_deg2 = 0.0,
-        .r_max_deg2 = 1000.0,
-    },
-    .tilt = PLUMB_TUNING_ATAN2,
-    .start = {
-        .tilt_deg = 0.0,
-        .bias_dps = 0.0,
-        .p00_deg2 = 1.0,
-        .p01_deg2_per_s = 0.0,
-        .p11_dps2 = 9.0,
-    },
-    .pid = {
-        .kp_per_deg = 0.08,
-        .ki_per_deg_s = 0.2,
-        .kd_per_dps = 0.008,
-        .derivative_tau_s = 0.0,
-        .slew_per_s = 1000.0,
-    },
-    .wheel = {
-        .edge_m = 0.0037399912542735634,
-        .edges_max = 0,
-        .tau_s = 0.2,
-        .accel_share = 0.0,
-    },
-    .speed = {
-        .lean_deg_per_mps = 5.0,
-        .lean_deg_per_m = 0.5,
-        .lean_deg_per_g = 0.0,
-        .accel_tau_s = 0.0,
-        .lean_max_deg = 8.0,
-        .lean_slew_dps = 10000.0,
-        .speed_max_mps = 1.0,
-    },
-    .drive = {
-        .span = -0.999969482421875,
-        .duty_max = 0.999969482421875,
-        .fall_deg = 45.0,
-    },
+    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_1, .trust = TRUST_1,
+    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_2, .speed = SPEEDLOOP_1,
+    .drive = DRIVE_1,
 };
 
 const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN_FITTED = {
-    .period_us = 10000,
-    .calibration = {
-        .gyro = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.06956521739130435,
-            .min_counts = -31625,
-            .max_counts = 31625,
-        },
-        .accel = {
-            .zero_counts = 0.0,
-            .unit_per_count = -0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-        .accel_up = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-    },
-    .kalman = {
-        .q_angle_deg2_per_s = 0.001,
-        .q_bias_dps2_per_s = 0.0005,
-        .rate = PLUMB_TUNING_RATE_PREVIOUS,
-        .bias_max_dps = 300.0,
-    },
-    .trust = {
-        .r_deg2 = 36.0,
-        .gain_deg2 = 0.0,
-        .r_max_deg2 = 1000.0,
-    },
-    .tilt = PLUMB_TUNING_ATAN2,
-    .start = {
-        .tilt_deg = 0.0,
-        .bias_dps = 0.0,
-        .p00_deg2 = 1.0,
-        .p01_deg2_per_s = 0.0,
-        .p11_dps2 = 9.0,
-    },
-    .pid = {
-        .kp_per_deg = 0.08,
-        .ki_per_deg_s = 0.2,
-        .kd_per_dps = 0.008,
-        .derivative_tau_s = 0.0,
-        .slew_per_s = 1000.0,
-    },
-    .wheel = {
-        .edge_m = 0.0037399912542735634,
-        .edges_max = 0,
-        .tau_s = 0.2,
-        .accel_share = 0.0,
-    },
-    .speed = {
-        .lean_deg_per_mps = 5.0,
-        .lean_deg_per_m = 0.5,
-        .lean_deg_per_g = 0.0,
-        .accel_tau_s = 0.0,
-        .lean_max_deg = 8.0,
-        .lean_slew_dps = 10000.0,
-        .speed_max_mps = 1.0,
-    },
-    .drive = {
-        .span = -0.999969482421875,
-        .duty_max = 0.999969482421875,
-        .fall_deg = 45.0,
-    },
+    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_2, .trust = TRUST_2,
+    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_2, .speed = SPEEDLOOP_1,
+    .drive = DRIVE_1,
 };
 
 const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE = {
-    .period_us = 10000,
-    .calibration = {
-        .gyro = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.06956521739130435,
-            .min_counts = -31625,
-            .max_counts = 31625,
-        },
-        .accel = {
-            .zero_counts = 0.0,
-            .unit_per_count = -0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-        .accel_up = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-    },
-    .kalman = {
-        .q_angle_deg2_per_s = 0.1,
-        .q_bias_dps2_per_s = 9.999999999999999e-05,
-        .rate = PLUMB_TUNING_RATE_PREVIOUS,
-        .bias_max_dps = 300.0,
-    },
-    .trust = {
-        .r_deg2 = 33.0,
-        .gain_deg2 = 0.0,
-        .r_max_deg2 = 1000.0,
-    },
-    .tilt = PLUMB_TUNING_ATAN2,
-    .start = {
-        .tilt_deg = 0.0,
-        .bias_dps = 0.0,
-        .p00_deg2 = 1.0,
-        .p01_deg2_per_s = 0.0,
-        .p11_dps2 = 9.0,
-    },
-    .pid = {
-        .kp_per_deg = 0.08,
-        .ki_per_deg_s = 0.2,
-        .kd_per_dps = 0.008,
-        .derivative_tau_s = 0.0,
-        .slew_per_s = 1000.0,
-    },
-    .wheel = {
-        .edge_m = 0.0037399912542735634,
-        .edges_max = 0,
-        .tau_s = 0.2,
-        .accel_share = 0.0,
-    },
-    .speed = {
-        .lean_deg_per_mps = 5.0,
-        .lean_deg_per_m = 0.5,
-        .lean_deg_per_g = 0.0,
-        .accel_tau_s = 0.0,
-        .lean_max_deg = 8.0,
-        .lean_slew_dps = 10000.0,
-        .speed_max_mps = 1.0,
-    },
-    .drive = {
-        .span = -0.999969482421875,
-        .duty_max = 0.999969482421875,
-        .fall_deg = 45.0,
-    },
+    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_3, .trust = TRUST_1,
+    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_2, .speed = SPEEDLOOP_1,
+    .drive = DRIVE_1,
 };
 
 const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE_WHEEL = {
-    .period_us = 10000,
-    .calibration = {
-        .gyro = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.06956521739130435,
-            .min_counts = -31625,
-            .max_counts = 31625,
-        },
-        .accel = {
-            .zero_counts = 0.0,
-            .unit_per_count = -0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-        .accel_up = {
-            .zero_counts = 0.0,
-            .unit_per_count = 0.0039,
-            .min_counts = -4095,
-            .max_counts = 4094,
-        },
-    },
-    .kalman = {
-        .q_angle_deg2_per_s = 0.1,
-        .q_bias_dps2_per_s = 9.999999999999999e-05,
-        .rate = PLUMB_TUNING_RATE_PREVIOUS,
-        .bias_max_dps = 300.0,
-    },
-    .trust = {
-        .r_deg2 = 33.0,
-        .gain_deg2 = 0.0,
-        .r_max_deg2 = 1000.0,
-    },
-    .tilt = PLUMB_TUNING_ATAN2,
-    .start = {
-        .tilt_deg = 0.0,
-        .bias_dps = 0.0,
-        .p00_deg2 = 1.0,
-        .p01_deg2_per_s = 0.0,
-        .p11_dps2 = 9.0,
-    },
-    .pid = {
-        .kp_per_deg = 0.08,
-        .ki_per_deg_s = 0.2,
-        .kd_per_dps = 0.008,
-        .derivative_tau_s = 0.0,
-        .slew_per_s = 1000.0,
-    },
-    .wheel = {
-        .edge_m = 0.0037399912542735634,
-        .edges_max = 0,
-        .tau_s = 0.2,
-        .accel_share = 1.0,
-    },
-    .speed = {
-        .lean_deg_per_mps = 5.0,
-        .lean_deg_per_m = 0.5,
-        .lean_deg_per_g = 0.0,
-        .accel_tau_s = 0.0,
-        .lean_max_deg = 8.0,
-        .lean_slew_dps = 10000.0,
-        .speed_max_mps = 1.0,
-    },
-    .drive = {
-        .span = -0.999969482421875,
-        .duty_max = 0.999969482421875,
-        .fall_deg = 45.0,
-    },
+    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_3, .trust = TRUST_1,
+    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_1, .speed = SPEEDLOOP_1,
+    .drive = DRIVE_1,
 };

@@ -2,90 +2,26 @@
 /* clang-format off */
 #include "plumb/phone_tunings.h"
 
+/* The groups of settings, each set of values once. */
+#define CHANNEL_1 \
+    {.zero_counts = 0.0, .unit_per_count = 0.06103515625, .min_counts = -32767, .max_counts = 32767}
+#define CHANNEL_2 \
+    {.zero_counts = 0.0, .unit_per_count = 0.000244140625, .min_counts = -32767, .max_counts = 32767}
+#define START_1 \
+    {.tilt_deg = 0.0, .bias_dps = 0.0, .p00_deg2 = 8100.0, .p01_deg2_per_s = 0.0, .p11_dps2 = 25.0}
+#define PHONEAXIS_1 \
+    {.q_angle_deg2_per_s = 0.01, .q_bias_dps2_per_s = 0.0001, .r_deg2 = 10.0, .start = START_1}
+#define PHONEAXIS_2 \
+    {.q_angle_deg2_per_s = 10.0, .q_bias_dps2_per_s = 0.0001, .r_deg2 = 10.0, .start = START_1}
+
 const plumb_phone_tuning_t PLUMB_PHONE_TUNING_EULER = {
-    .period_us = 10000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.06103515625,
-        .min_counts = -32767,
-        .max_counts = 32767,
-    },
-    .accel = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.000244140625,
-        .min_counts = -32767,
-        .max_counts = 32767,
-    },
-    .pitch = {
-        .q_angle_deg2_per_s = 0.01,
-        .q_bias_dps2_per_s = 0.0001,
-        .r_deg2 = 10.0,
-        .start = {
-            .tilt_deg = 0.0,
-            .bias_dps = 0.0,
-            .p00_deg2 = 8100.0,
-            .p01_deg2_per_s = 0.0,
-            .p11_dps2 = 25.0,
-        },
-    },
-    .roll = {
-        .q_angle_deg2_per_s = 0.01,
-        .q_bias_dps2_per_s = 0.0001,
-        .r_deg2 = 10.0,
-        .start = {
-            .tilt_deg = 0.0,
-            .bias_dps = 0.0,
-            .p00_deg2 = 8100.0,
-            .p01_deg2_per_s = 0.0,
-            .p11_dps2 = 25.0,
-        },
-    },
-    .rates = PLUMB_TUNING_RATES_EULER,
-    .r_left_out_deg2 = 1000.0,
-    .rate = PLUMB_TUNING_RATE_PREVIOUS,
-    .bias_max_dps = 300.0,
+    .period_us = 10000, .gyro = CHANNEL_1, .accel = CHANNEL_2, .pitch = PHONEAXIS_1,
+    .roll = PHONEAXIS_1, .rates = PLUMB_TUNING_RATES_EULER, .r_left_out_deg2 = 1000.0,
+    .rate = PLUMB_TUNING_RATE_PREVIOUS, .bias_max_dps = 300.0,
 };
 
 const plumb_phone_tuning_t PLUMB_PHONE_TUNING_PRINTED = {
-    .period_us = 10000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.06103515625,
-        .min_counts = -32767,
-        .max_counts = 32767,
-    },
-    .accel = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.000244140625,
-        .min_counts = -32767,
-        .max_counts = 32767,
-    },
-    .pitch = {
-        .q_angle_deg2_per_s = 10.0,
-        .q_bias_dps2_per_s = 0.0001,
-        .r_deg2 = 10.0,
-        .start = {
-            .tilt_deg = 0.0,
-            .bias_dps = 0.0,
-            .p00_deg2 = 8100.0,
-            .p01_deg2_per_s = 0.0,
-            .p11_dps2 = 25.0,
-        },
-    },
-    .roll = {
-        .q_angle_deg2_per_s = 10.0,
-        .q_bias_dps2_per_s = 0.0001,
-        .r_deg2 = 10.0,
-        .start = {
-            .tilt_deg = 0.0,
-            .bias_dps = 0.0,
-            .p00_deg2 = 8100.0,
-            .p01_deg2_per_s = 0.0,
-            .p11_dps2 = 25.0,
-        },
-    },
-    .rates = PLUMB_TUNING_RATES_BODY,
-    .r_left_out_deg2 = 1000.0,
-    .rate = PLUMB_TUNING_RATE_PREVIOUS,
-    .bias_max_dps = 300.0,
+    .period_us = 10000, .gyro = CHANNEL_1, .accel = CHANNEL_2, .pitch = PHONEAXIS_2,
+    .roll = PHONEAXIS_2, .rates = PLUMB_TUNING_RATES_BODY, .r_left_out_deg2 = 1000.0,
+    .rate = PLUMB_TUNING_RATE_PREVIOUS, .bias_max_dps = 300.0,
 };

@@ -2,576 +2,156 @@
 /* clang-format off */
 #include "plumb/turntable_tunings.h"
 
+/* The groups of settings, each set of values once. */
+#define CHANNEL_1 \
+    {.zero_counts = 0.0, .unit_per_count = 0.007633587786259542, .min_counts = -32766, \
+     .max_counts = 32766}
+#define CHANNEL_2 \
+    {.zero_counts = 0.0, .unit_per_count = 0.05, .min_counts = -32766, .max_counts = 32766}
+#define PREFILTER_1 \
+    {.spike = 4.0, .smooth = 1.0}
+#define PREFILTER_2 \
+    {.spike = 60.0, .smooth = 1.0}
+#define FUSION_1 \
+    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
+     .angular_scale = 0.005, .start_lag_s = 0.003}
+#define FUSION_2 \
+    {.layer = PLUMB_TUNING_LAYER_ATTITUDE, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
+     .angular_scale = 0.005, .start_lag_s = 0.003}
+#define FUSION_3 \
+    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.0, \
+     .angular_scale = 0.0, .start_lag_s = 0.0}
+#define FUSION_4 \
+    {.layer = PLUMB_TUNING_LAYER_PRINTED, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.0, \
+     .angular_scale = 0.0, .start_lag_s = 0.0}
+#define FUSION_5 \
+    {.layer = PLUMB_TUNING_LAYER_PRINTED, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.0, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.0, \
+     .angular_scale = 0.0, .start_lag_s = 0.0}
+#define FUSION_6 \
+    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.0056, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
+     .angular_scale = 0.005, .start_lag_s = 0.003}
+#define FUSION_7 \
+    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.0056, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.0, \
+     .angular_scale = 0.0, .start_lag_s = 0.0}
+#define FUSION_8 \
+    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.0, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
+     .angular_scale = 0.005, .start_lag_s = 0.0}
+#define FUSION_9 \
+    {.layer = PLUMB_TUNING_LAYER_ATTITUDE, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.0, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
+     .angular_scale = 0.005, .start_lag_s = 0.0}
+#define FUSION_10 \
+    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.02, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
+     .angular_scale = 0.005, .start_lag_s = 0.003}
+#define FUSION_11 \
+    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.0, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.015, \
+     .angular_scale = 0.005, .start_lag_s = 0.0}
+#define FUSION_12 \
+    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
+     .angular_scale = 0.03, .start_lag_s = 0.003}
+#define PREFILTER_3 \
+    {.spike = 4.0, .smooth = 0.75}
+#define PREFILTER_4 \
+    {.spike = 60.0, .smooth = 0.75}
+#define CHANNEL_3 \
+    {.zero_counts = 2048.0, .unit_per_count = 0.2, .min_counts = 1, .max_counts = 4094}
+#define CHANNEL_4 \
+    {.zero_counts = 2048.0, .unit_per_count = 1.0, .min_counts = 1, .max_counts = 4094}
+#define FUSION_13 \
+    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.004, .gyro_phase_s = 0.0, .rest_s = 10.0, \
+     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
+     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
+     .angular_scale = 0.005, .start_lag_s = 0.003}
+
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_DATA = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.008,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.005,
-        .angular_scale = 0.005,
-        .start_lag_s = 0.003,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_1,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_ATTITUDE = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_ATTITUDE,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.008,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.005,
-        .angular_scale = 0.005,
-        .start_lag_s = 0.003,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_2,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_KNOWN = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.008,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.0,
-        .angular_scale = 0.0,
-        .start_lag_s = 0.0,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_3,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_PRINTED = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_PRINTED,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.008,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.0,
-        .angular_scale = 0.0,
-        .start_lag_s = 0.0,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_4,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_PRINTED_LAGGING = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_PRINTED,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.0,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.0,
-        .angular_scale = 0.0,
-        .start_lag_s = 0.0,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_5,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_SHORT_LAG = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.0056,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.005,
-        .angular_scale = 0.005,
-        .start_lag_s = 0.003,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_6,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_SHORT_LAG_KNOWN = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.0056,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.0,
-        .angular_scale = 0.0,
-        .start_lag_s = 0.0,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_7,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_NO_LAG = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.0,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.005,
-        .angular_scale = 0.005,
-        .start_lag_s = 0.0,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_8,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_NO_LAG_ATTITUDE = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_ATTITUDE,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.0,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.005,
-        .angular_scale = 0.005,
-        .start_lag_s = 0.0,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_9,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_WARM_UP = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.008,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.02,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.005,
-        .angular_scale = 0.005,
-        .start_lag_s = 0.003,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_10,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_UNTRIMMED = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.0,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.015,
-        .angular_scale = 0.005,
-        .start_lag_s = 0.0,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_11,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_LOOSE_ANGULAR = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.008,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.005,
-        .angular_scale = 0.03,
-        .start_lag_s = 0.003,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_12,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_SMOOTHED = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.007633587786259542,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .angular = {
-        .zero_counts = 0.0,
-        .unit_per_count = 0.05,
-        .min_counts = -32766,
-        .max_counts = 32766,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 0.75,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 0.75,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.01,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.008,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.005,
-        .angular_scale = 0.005,
-        .start_lag_s = 0.003,
-    },
+    .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_3,
+    .angular_filter = PREFILTER_4, .fusion = FUSION_1,
 };
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_ANALOG = {
-    .period_us = 4000,
-    .gyro = {
-        .zero_counts = 2048.0,
-        .unit_per_count = 0.2,
-        .min_counts = 1,
-        .max_counts = 4094,
-    },
-    .angular = {
-        .zero_counts = 2048.0,
-        .unit_per_count = 1.0,
-        .min_counts = 1,
-        .max_counts = 4094,
-    },
-    .gyro_filter = {
-        .spike = 4.0,
-        .smooth = 1.0,
-    },
-    .angular_filter = {
-        .spike = 60.0,
-        .smooth = 1.0,
-    },
-    .fusion = {
-        .layer = PLUMB_TUNING_LAYER_DATA,
-        .gyro_period_s = 0.004,
-        .gyro_phase_s = 0.0,
-        .rest_s = 10.0,
-        .lag_s = 0.008,
-        .gyro_dps = 0.03,
-        .angular_dps2 = 0.3,
-        .lost_dps2 = 30.0,
-        .gyro_walk_dps = 0.003,
-        .angular_walk_dps2 = 0.003,
-        .start_gyro_dps = 1.0,
-        .start_angular_dps2 = 2.0,
-        .gyro_scale = 0.005,
-        .angular_scale = 0.005,
-        .start_lag_s = 0.003,
-    },
+    .period_us = 4000, .gyro = CHANNEL_3, .angular = CHANNEL_4, .gyro_filter = PREFILTER_1,
+    .angular_filter = PREFILTER_2, .fusion = FUSION_13,
 };
