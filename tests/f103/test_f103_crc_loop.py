@@ -9,9 +9,12 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb.f103.core.cpu import Cpu
+from unicorn.arm_const import UC_ARM_REG_R0
+
+from plumb.f103.core.cpu import BRANCH_TO_ITSELF, FLASH_BASE, RAM_BASE, Cpu, Registers
 from plumb.f103.core.crc_loop import BEFORE, CODE_BYTES, CrcLoop, crc_loop
 from plumb.f103.machine import Machine
+from plumb.f103.peripherals.crc import BASE as CRC_BASE
 from plumb.f103.peripherals.crc import Crc
 from plumb.link.session import Session
 from plumb.spec import parameters
@@ -43,7 +46,7 @@ def code(**instead: tuple[int, ...]) -> bytes:
 
 def test_the_loop_is_known_by_its_code() -> None:
     assert code().rindex(b"\xc3\xf8") == BEFORE
-    assert crc_loop(code()) == CrcLoop(source=0, end=1)
+    assert crc_loop(code()) == CrcLoop(source=0, end=1, loaded=(4, 5, 6, 8) * 2)
 
 
 @pytest.mark.parametrize(
@@ -67,6 +70,30 @@ def test_the_loop_is_known_by_its_code() -> None:
 )
 def test_what_differs_is_no_such_loop(other: dict[str, tuple[int, ...]]) -> None:
     assert crc_loop(code(**other)) is None
+
+
+def turned(at_once: bool, *slices: int) -> tuple[list[int], int, list[int]]:
+    """The registers, the instructions and the unit's words after slices of so many instructions of the loop."""
+    machine = Machine(IMAGE, seed=3)
+    cpu, machine.crc.clocked = machine.cpu, True
+    cpu.loops_at_once = at_once
+    at = len(cpu.flash) - 64
+    cpu.flash[at : at + CODE_BYTES + 2] = code() + BRANCH_TO_ITSELF
+    cpu.forget_code()
+    cpu.ram[: 4 * 80] = struct.pack("<80I", *range(1000, 1080))
+    registers = Registers(cpu.uc, *range(UC_ARM_REG_R0, UC_ARM_REG_R0 + 13))
+    registers.write(RAM_BASE, RAM_BASE + 4 * 80, 0, CRC_BASE, *range(9))
+    cpu.pc = FLASH_BASE + at
+    for instructions in slices:
+        cpu.run(instructions)
+    return registers.read(), cpu.instructions, machine.crc.waiting
+
+
+@pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")
+@pytest.mark.parametrize("slices", [(130,), (41, 17, 50), (119, 1, 4)], ids=str)
+def test_registers_after_a_slice_are_those_of_every_turn(slices: tuple[int, ...]) -> None:
+    """Ten turns of 12 instructions: all, a slice that ends within, one that ends with the last branch."""
+    assert turned(True, *slices) == turned(False, *slices)
 
 
 def flown(at_once: bool) -> tuple[object, ...]:

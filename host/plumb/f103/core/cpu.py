@@ -19,7 +19,7 @@ from plumb.errors import UsageError
 from plumb.extras import install_hint
 from plumb.f103.core import scb as core
 from plumb.f103.core.bus import Bus, SimulationError
-from plumb.f103.core.crc_loop import BEFORE, CODE_BYTES, INSTRUCTIONS, WORDS, crc_loop
+from plumb.f103.core.crc_loop import BEFORE, CODE_BYTES, INSTRUCTIONS, WORDS, CrcLoop, crc_loop
 from plumb.f103.core.nvic import BUS_FAULT, HARD_FAULT, NMI, SVCALL, USAGE_FAULT
 from plumb.f103.peripherals.crc import DR_OFFSET, Crc
 from plumb.process_signals import ending_of
@@ -119,7 +119,7 @@ class Cpu:
     """Registers, memory, and one slice of execution at a time."""
 
     WIRING = frozenset(
-        {"uc", "_counter", "_limit", "_state", "_before", "_handler", "_after", "_handle", "_callbacks", "_low"}
+        {"uc", "_counter", "_limit", "_state", "_before", "_handler", "_after", "_handle", "_callbacks", "_low", "_turned"}
     )
 
     def __init__(self, machine: Mcu, flash_bytes: int, ram_bytes: int) -> None:
@@ -137,6 +137,7 @@ class Cpu:
         self._handler = Registers(uc, UC_ARM_REG_SP, UC_ARM_REG_LR, UC_ARM_REG_XPSR)
         self._after = Registers(uc, UC_ARM_REG_XPSR, *STACKED[:6], UC_ARM_REG_SP)
         self._low = Registers(uc, UC_ARM_REG_PC, *range(UC_ARM_REG_R0, UC_ARM_REG_R0 + 8))
+        self._turned: dict[CrcLoop, Registers] = {}
         self.running = False
         self.loops_at_once = True
         """Turns of the loop that feeds the CRC unit count as executed (crc_loop.py); False: each is."""
@@ -206,11 +207,14 @@ class Cpu:
             return
         start, end, turn_bytes = low[loop.source], low[loop.end], 4 * WORDS
         left, rest = divmod(end - start, turn_bytes)
-        turns = min(left - 1, (self._limit.value - self._counter.value) // INSTRUCTIONS)
+        turns = min(left, (self._limit.value - self._counter.value) // INSTRUCTIONS)
         if turns < 1 or rest or not RAM_BASE <= start < end <= RAM_BASE + len(self.ram):
             return
-        crc.waiting += struct.unpack_from(f"<{turns * WORDS}I", self.ram, start - RAM_BASE)
-        self.uc.reg_write(UC_ARM_REG_R0 + loop.source, start + turns * turn_bytes)
+        words = struct.unpack_from(f"<{turns * WORDS}I", self.ram, start - RAM_BASE)
+        crc.waiting += words
+        if loop not in self._turned:
+            self._turned[loop] = Registers(self.uc, *(UC_ARM_REG_R0 + number for number in (loop.source, *loop.loaded)))
+        self._turned[loop].write(start + turns * turn_bytes, *words[-WORDS:])
         self._counter.value += turns * INSTRUCTIONS
 
     def _raise_later(self, error: BaseException) -> int:

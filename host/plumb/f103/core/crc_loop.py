@@ -6,9 +6,9 @@ This loop is recognised by its machine code (Armv7-M A7.7):
     1: ldmia Rn!, {a, b, c, d}; str a, [Rm]; str b, [Rm]; str c, [Rm]; str d, [Rm]
        the same once more; cmp Rn, Rend; bne 1b
 
-At its last store the words of the turns to come are taken from memory, and Rn and the count of instructions go on by as
-much; no further than the slice reaches, and the last turn is left to the core: registers, flags and time are then what
-every turn on its own leaves.
+At its last store the words of the turns to come are taken from memory, and Rn, the loaded registers and the count of
+instructions go on by as much, no further than the slice reaches: registers, flags and time are then what every turn on
+its own leaves.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ _LOW = range(8)
 
 
 class CrcLoop(NamedTuple):
-    """Numbers of the registers, all below 8."""
+    """Numbers of the registers; the first two are below 8. loaded: those that take the words of a turn, in order."""
 
     source: int
     end: int
+    loaded: tuple[int, ...]
 
 
 def _store(halves: tuple[int, ...], at: int) -> tuple[int, int, int] | None:
@@ -44,7 +45,7 @@ def _store(halves: tuple[int, ...], at: int) -> tuple[int, int, int] | None:
     return None
 
 
-def _group(halves: tuple[int, ...], begin: int) -> tuple[int, int, set[int], int, int] | None:
+def _group(halves: tuple[int, ...], begin: int) -> tuple[int, int, list[int], int, int] | None:
     """A load of GROUP words and their stores: Rn, Rm, the loaded registers, places of the last store and of what
     follows."""
     load, registers = halves[begin], halves[begin + 1]
@@ -59,7 +60,7 @@ def _group(halves: tuple[int, ...], begin: int) -> tuple[int, int, set[int], int
         begun, at = at, at + store[2]
         stored.append(store[0])
         targets.add(store[1])
-    return (load & 15, targets.pop(), set(loaded), begun, at) if stored == loaded and len(targets) == 1 else None
+    return (load & 15, targets.pop(), loaded, begun, at) if stored == loaded and len(targets) == 1 else None
 
 
 def _loop_from(halves: tuple[int, ...], begin: int, last_store: int) -> CrcLoop | None:
@@ -77,9 +78,9 @@ def _loop_from(halves: tuple[int, ...], begin: int, last_store: int) -> CrcLoop 
     end = compare >> 3 & 7
     back = begin - (at + 1) - 2  # in half-words, from the branch's address and 4
     repeats = compare & 0xFFC0 == 0x4280 and compare & 7 == source and branch == 0xD100 | back & 0xFF
-    loaded = set().union(*(group[2] for group in groups))
-    free = not {source, end, target} & loaded and len({source, end, target}) == 3
-    return CrcLoop(source, end) if repeats and free else None
+    loaded = tuple(number for group in groups for number in group[2])
+    free = not {source, end, target} & {*loaded} and len({source, end, target}) == 3
+    return CrcLoop(source, end, loaded) if repeats and free else None
 
 
 @lru_cache(maxsize=64)
