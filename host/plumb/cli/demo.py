@@ -77,11 +77,12 @@ def main(arguments: argparse.Namespace) -> int:
     options.tell_default(arguments, name, DEMO.name)
     if without_qemu:
         print(f"without qemu: {without_qemu}", file=sys.stderr)
+    cases = golden.cases(folder)
     done = perform(request)
     checks = {}
     for label, spec, link in boards:
         with open_board(spec, link=link, image=arguments.image) as board_:
-            checks[label] = golden.check(board_, folder)
+            checks[label] = golden.check(board_, folder, chosen=cases)
 
     run, inputs = done.run, done.run.inputs
     errors = part.errors(run)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -39,7 +40,12 @@ def task_of(kind: str, seed: int, params: ControlParams, raw: RawCounts, setpoin
 
 def own_rows(params: ControlParams) -> list[Parameter]:
     """Those of the groups that the system reads."""
-    groups = declarations.system(params.system).all_groups
+    return _rows_of(params.system)
+
+
+@lru_cache(maxsize=32)
+def _rows_of(system: str) -> list[Parameter]:
+    groups = declarations.system(system).all_groups
     return [row for row in parameters.table() if row.owner == "control" and row.group in groups]
 
 

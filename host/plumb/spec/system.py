@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -304,6 +305,7 @@ def counts_for(channels: int) -> int:
     return max(COUNTS_LEAST, in_frames(channels))
 
 
+@lru_cache(maxsize=1024)
 def group_of(parameter: str) -> str:
     """The group of a parameter, from its name: `kalman` of kalman.qb; "" for a parameter without a group."""
     return parameter.rpartition(".")[0]

@@ -119,7 +119,19 @@ class Cpu:
     """Registers, memory, and one slice of execution at a time."""
 
     WIRING = frozenset(
-        {"uc", "_counter", "_limit", "_state", "_before", "_handler", "_after", "_handle", "_callbacks", "_low", "_turned"}
+        {
+            "uc",
+            "_counter",
+            "_limit",
+            "_state",
+            "_before",
+            "_handler",
+            "_after",
+            "_handle",
+            "_callbacks",
+            "_low",
+            "_turned",
+        }
     )
 
     def __init__(self, machine: Mcu, flash_bytes: int, ram_bytes: int) -> None:
