@@ -72,10 +72,25 @@ static void after_silence(void) {
     }
 }
 
+/* Disarming ends the setpoint, and one that is still on its way does not count any more. */
+static void ends_with_the_arming(void) {
+    setpoint_t s = {0};
+    setpoint_begin(&s, NULL);
+    setpoint_poll(&s, true, true, 10U, 0U);
+    setpoint_receive(&s, 1 << 24);
+    setpoint_poll(&s, true, true, 10U, 1000U);
+    CHECK(s.turn_q32 == 1 << 24);
+    setpoint_poll(&s, false, false, 11U, 2000U);
+    CHECK(s.turn_q32 == 0);
+    CHECK(setpoint_age(&s, 11U, 11U, PERIOD_US) == SETPOINT_REPEATED);
+    CHECK(setpoint_age(&s, 12U, 12U, PERIOD_US) == SETPOINT_COUNTS);
+}
+
 int main(void) {
     first_of_a_run();
     newer_than_the_last();
     periods();
     after_silence();
+    ends_with_the_arming();
     return check_failures != 0;
 }

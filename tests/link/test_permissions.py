@@ -11,6 +11,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from plumb.boards.virtual_can import MachineBus
 from plumb.f103.machine import Machine
+from plumb.link.identity import NackError
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
@@ -18,6 +19,8 @@ from plumb.spec.protocol import protocol
 from support.sessions import CONTROL, STEER, booted, listen, opened, refusal, used_setpoints
 
 LINKS = ["serial", "can"]
+NOT_GREETED = 1
+"""Bit of what blocks arming."""
 
 
 @pytest.fixture
@@ -63,8 +66,9 @@ def test_a_host_of_another_version_changes_nothing(machine: Machine, link: str) 
         assert refusal(lambda value=value: session.request("RUN_BEGIN", value, nonce(value))) == "GREETING"  # type: ignore[misc]
     assert refusal(lambda: session.request("SETPOINT", 0, STEER)) == "GREETING"
     assert refusal(lambda: session.request("SAMPLE_A", 1, 2, 3)) == "GREETING"
-    value = verb("verb", "ARM")
-    assert refusal(lambda: session.request("EXECUTE", value, nonce(value))) == "BLOCKED"
+    with pytest.raises(NackError) as refused:  # with a number of the host, as those of this version have
+        session.execute("ARM", matching=False)
+    assert refused.value.reason == "BLOCKED" and refused.value.detail & NOT_GREETED
     # What it may: read, choose telemetry, stop.
     assert session.request("PARAM_GET", 5, 0, answer="PARAM_VALUE", first=5)["value"] == words[5]
     session.request("SELECT", 0, 1)
@@ -89,6 +93,15 @@ def test_a_host_of_another_version_does_not_steer_what_another_armed(machine: Ma
     session.listener = None
     listen(session, 0.2)
     assert session.telemetry["STATUS"]["armed"] == 0
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_a_run_begins_with_a_nonce_of_its_own_only(machine: Machine, link: str) -> None:
+    session = opened(machine, link)
+    live, lockstep = (session.protocol["RUN_BEGIN"].value("run", name) for name in ("REALTIME_LIVE", "LOCKSTEP"))
+    assert refusal(lambda: session.request("RUN_BEGIN", live, 12345)) == "NONCE"
+    nonce = session.request("CHALLENGE", lockstep, 0, answer="NONCE", first=lockstep)["nonce"]
+    assert refusal(lambda: session.request("RUN_BEGIN", live, nonce)) == "NONCE"
 
 
 def test_a_can_link_that_timed_out_has_to_be_greeted_again(machine: Machine) -> None:

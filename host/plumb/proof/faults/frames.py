@@ -68,7 +68,7 @@ def foreign_setpoints(*, greeted: bool) -> Action:
     def inject(scene: Scene) -> None:
         stranger = Stranger(scene, greeted=greeted)
         for _ in range(20):
-            stranger.send("SETPOINT", 0, FOREIGN_SETPOINT & 0xFFFFFFFF, flags=scene.session.run_tag)
+            stranger.send("SETPOINT", scene.next_step, FOREIGN_SETPOINT & 0xFFFFFFFF, flags=scene.session.run_tag)
 
     return inject
 
@@ -86,7 +86,7 @@ def setpoints_without_greeting(scene: Scene) -> None:
     stranger.send("HELLO", OTHER_VERSION, 0)
     scene.run(0.02)
     for _ in range(20):
-        stranger.send("SETPOINT", 0, FOREIGN_SETPOINT & 0xFFFFFFFF, flags=scene.session.run_tag)
+        stranger.send("SETPOINT", scene.next_step, FOREIGN_SETPOINT & 0xFFFFFFFF, flags=scene.session.run_tag)
 
 
 def foreign_keepalives(scene: Scene) -> None:
@@ -169,7 +169,7 @@ def flips(name: str, width: int) -> Action:
 
     def inject(scene: Scene) -> None:
         flags = scene.session.run_tag if name == "SETPOINT" else 0
-        identifier, data = scene.session.frame(name, 0, FOREIGN_SETPOINT, flags=flags)
+        identifier, data = scene.session.frame(name, scene.next_step, FOREIGN_SETPOINT, flags=flags)
         whole = identifier << 64 | int.from_bytes(data, "big")
         for at in range(75 - width + 1):
             damaged = whole ^ ((1 << width) - 1) << at
@@ -188,7 +188,7 @@ def stale_tags(scene: Scene) -> None:
     """Setpoints of every other run, over the owner's link."""
     for tag in range(16):
         if tag != scene.session.run_tag:
-            say(scene, [scene.session.frame("SETPOINT", 0, FOREIGN_SETPOINT, flags=tag)])
+            say(scene, [scene.session.frame("SETPOINT", scene.next_step, FOREIGN_SETPOINT, flags=tag)])
 
 
 def samples_in_a_live_run(scene: Scene) -> None:

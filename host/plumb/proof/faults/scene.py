@@ -31,6 +31,7 @@ from plumb.tuning.quantise import quantise
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
+    from plumb.proof.faults.samples import Source
 
 SEED = 1
 DRIVING_S = 0.5
@@ -58,7 +59,7 @@ class Scene:
 
     host_alive: when False, the host sends nothing but still listens. deaf: the host receives nothing.
     variant: number of the variant to inject, from 0 on. notes, stuck: numbers and frames that an injection
-    keeps from its preparation.
+    keeps from its preparation. source: of injected samples.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Scene:
     variant: int = 0
     notes: dict[str, int] = field(default_factory=dict)
     stuck: list[Frame] = field(default_factory=list)
+    source: Source | None = None
 
     @property
     def machine(self) -> Machine:
@@ -124,6 +126,11 @@ class Scene:
     @property
     def now_s(self) -> float:
         return self.session.clock()
+
+    @property
+    def next_step(self) -> int:
+        """The number of a SETPOINT that is new now; one with another number is refused for its age alone."""
+        return self.session.setpoint.next_step & 0xFFFF
 
     def snapshot(self) -> Snapshot:
         """The board, its plant, the host and this scene, to be restored as often as wanted."""
@@ -176,6 +183,8 @@ class Scene:
         end = self.machine.now + round(seconds * TICKS_PER_S)
         while self.machine.now < end:
             wait_s = min(LISTEN_S, (end - self.machine.now) / TICKS_PER_S)
+            if self.source is not None:
+                self.source.send_due(self)
             if self.host_alive:
                 self.session.receive(wait_s)
             else:

@@ -7,7 +7,7 @@ from fnmatch import fnmatch
 
 from plumb import systems
 from plumb.errors import UsageError
-from plumb.proof.faults import armings, buses, clock, frames, hangs, host, memory, power, registers, sensors
+from plumb.proof.faults import armings, buses, clock, frames, hangs, host, memory, power, registers, samples, sensors
 from plumb.proof.faults.fault import Fault
 from plumb.systems.contracts import PINS, AnalogPins
 
@@ -15,7 +15,7 @@ GROUPS = ("sensors", "buses", "clock", "power", "memory", "host", "frames", "han
 FAULTS: tuple[Fault, ...] = (
     *sensors.FAULTS, *buses.FAULTS, *clock.FAULTS, *power.FAULTS, *memory.FAULTS, *registers.FAULTS,
     *host.FAULTS,
-    *armings.FAULTS, *frames.FAULTS, *hangs.FAULTS,
+    *armings.FAULTS, *samples.FAULTS, *frames.FAULTS, *hangs.FAULTS,
 )  # fmt: skip
 
 

@@ -1,0 +1,124 @@
+"""Faults of the source of injected samples: it ceases, repeats what it sent, or loses some."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from plumb import systems
+from plumb.link import parameter_table
+from plumb.link.sample_codec import sample_frames
+from plumb.proof.faults.fault import Action, Fault
+from plumb.proof.faults.reports import Told
+from plumb.proof.faults.scene import SEED, Scene, arm, noise
+from plumb.spec import declarations
+from plumb.spec.parameter_file import by_name
+from plumb.spec.protocol import Frame, protocol
+from plumb.systems.contracts import PINS
+
+CAUSE = Told("EVENTS", "disarm_cause", 1 << 7)
+LOST = Told("COUNTERS", "lost")
+NOISE_LSB = 1.5
+"""On what a sensor measures, so that no channel is stuck; a counter at rest has none."""
+SETPOINT = 1 << 24
+"""1.4 degrees, as a binary angle: the outputs leave neutral."""
+DRIVING_S = 0.3
+GAP_S = 0.04
+"""Two samples that are so far apart keep the board armed."""
+KEPT = 64
+"""Samples that can be told apart by their numbers."""
+
+
+@dataclass
+class Source:
+    """Sends a sample of a vehicle at rest every period, while the scene's time passes.
+
+    still: counts, and the standard deviation of the noise on each. circle: of its last samples, which it sends over
+    and over; 0: new ones.
+    """
+
+    still: tuple[tuple[int, float], ...]
+    period_s: float
+    next_s: float
+    number: int = 0
+    circle: int = 0
+    stopped: bool = False
+    sent: list[list[Frame]] = field(default_factory=list)
+
+    def send_due(self, scene: Scene) -> None:
+        """Send what is due by now."""
+        while not self.stopped and scene.now_s >= self.next_s:
+            self.next_s += self.period_s
+            if self.circle:
+                frames = self.sent[-self.circle]
+            else:
+                counts = [
+                    count + round(noise(f"{SEED} {channel}", sigma)(self.next_s))
+                    for channel, (count, sigma) in enumerate(self.still)
+                ]
+                frames = sample_frames(protocol(), self.number, counts)
+                self.number += 1
+            self.sent = [*self.sent[1 - KEPT :], frames]
+            scene.session.frames.write_frames(frames)
+
+
+def source_of(scene: Scene) -> Source:
+    if scene.source is None:
+        raise TypeError("no samples are injected in this scene")
+    return scene.source
+
+
+def injected(scene: Scene) -> None:
+    """A run on injected samples, armed and steered; they are those of the vehicle at the beginning of its scenario."""
+    table = by_name(parameter_table.read_table(scene.session))
+    parts = systems.load(scene.name, PINS)
+    drawn = systems.load(scene.name).scenario(parts.SCENARIO, SEED, period_us=table["period_us"])
+    channels = declarations.system(scene.name).channels
+    measured = zip(channels, drawn.counts()[0], strict=False)
+    still = tuple((int(count), NOISE_LSB if channel.calibration else 0.0) for channel, count in measured)
+    scene.session.begin("REALTIME_INJECTED", frames=parts.FRAMES)
+    scene.source = Source(still, table["period_us"] * 1e-6, scene.now_s)
+    scene.run(0.1)
+    arm(scene)
+    scene.session.set_setpoint(SETPOINT)
+    scene.run(DRIVING_S)
+
+
+def cease(scene: Scene) -> None:
+    source_of(scene).stopped = True
+
+
+def repeat(count: int) -> Action:
+    """The source sends its last samples in a circle."""
+
+    def inject(scene: Scene) -> None:
+        source_of(scene).circle = count
+
+    return inject
+
+
+def lose(scene: Scene) -> None:
+    """Samples in a row do not arrive, so that GAP_S lies between two that do."""
+    source = source_of(scene)
+    missing = round(GAP_S / source.period_s) - 1
+    source.number += missing
+    source.next_s += missing * source.period_s
+
+
+def freeze(scene: Scene) -> None:
+    """The first channel keeps its count, the others go on."""
+    source = source_of(scene)
+    source.still = ((source.still[0][0], 0.0), *source.still[1:])
+
+
+FAULTS = (
+    Fault("samples-cease", "host", "no injected SAMPLE comes any more, keep-alives do", cease, "silence", (CAUSE,),
+          prepare=injected),
+    Fault("sample-repeated", "host", "the last injected SAMPLE is sent every period, keep-alives go on", repeat(1),
+          "silence", (CAUSE,), prepare=injected),
+    Fault("samples-in-a-circle", "host", "the last 16 injected SAMPLEs are sent in a circle, keep-alives go on",
+          repeat(16), "silence", (CAUSE,), prepare=injected),
+    Fault("samples-40-ms-apart", "host", "two injected SAMPLEs come 40 ms apart, those between are lost", lose,
+          "gap", (LOST,), prepare=injected, moves_on=True),
+    Fault("sample-channel-frozen", "host", "the first channel of the injected SAMPLEs stands still", freeze, "sensor",
+          (Told("EVENTS", "disarm_cause", 1 << 3),), prepare=injected),
+)  # fmt: skip
