@@ -80,6 +80,8 @@ def test_every_loop_keeps_its_margins_and_the_flash_image_agrees() -> None:
     assert all(row.met for row in figures) and len(figures) == 4 * 3
     assert all(row.sense == "at least" for row in figures)
     model, image = quad_loops.margins()["attitude hold"], loop_figures.identified("quad")["attitude hold"]
+    # 4 deg at the crossover are 4.5 ms, less than the period of 5 ms by which a way from sample to thrust may differ.
+    # 10 %: what `tools/gen_margins.py --check` takes for the same loop.
     assert image.phase_deg == pytest.approx(model.phase_deg, abs=4.0) and image.phase_deg >= 35.0
     assert image.crossover_hz == pytest.approx(model.crossover_hz, rel=0.1)
 
