@@ -75,13 +75,6 @@ def other_version(scene: Scene) -> None:
     scene.session.send([scene.session.frame("HELLO", 99, 0)])
 
 
-def other_version_and_back(scene: Scene) -> None:
-    """Both greetings arrive before the main loop looks at the link."""
-    known = scene.session.protocol
-    good = scene.session.frame("HELLO", known.version, known.dbc_hash)
-    scene.session.send([scene.session.frame("HELLO", 99, 0), good])
-
-
 def replay(count: int, *, backwards: bool = False) -> Action:
     """The host hangs, and something else sends its last keep-alives over and over, byte for byte."""
 
@@ -168,8 +161,6 @@ FAULTS = (
     Fault("host-ends-run", "host", "RUN_END", ends_run, "command", (Told(*CAUSE, COMMAND),)),
     Fault("host-of-another-version", "host", "HELLO of another protocol version over the link that armed",
           other_version, "command", (Told(*CAUSE, 1),)),
-    Fault("host-of-another-version-and-back", "host", "HELLO of another protocol version, and a right one behind it",
-          other_version_and_back, "command", (Told(*CAUSE, 1),)),
     Fault("setpoints-cease", "host", "no SETPOINT comes any more, keep-alives do: the setpoint becomes 0",
           setpoints_cease, "setpoint", (Told("SETPOINT_USED", "timed_out", 1),), prepare=steered, moves_on=True),
     Fault("keepalive-repeated", "host", "the host hangs, its last KEEPALIVE is sent every 15 ms", replay(1), "silence",

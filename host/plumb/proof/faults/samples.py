@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 
 from plumb import systems
 from plumb.link import parameter_table
-from plumb.link.sample_codec import sample_frames
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
+from plumb.proof.faults.sample_source import Source
 from plumb.proof.faults.scene import SEED, Scene, arm, noise
 from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
-from plumb.spec.protocol import Frame, protocol
 from plumb.systems.contracts import PINS
 
 CAUSE = Told("EVENTS", "disarm_cause", 1 << 7)
@@ -24,41 +23,13 @@ SETPOINT = 1 << 24
 DRIVING_S = 0.3
 GAP_S = 0.04
 """Two samples that are so far apart keep the board armed."""
-KEPT = 64
-"""Samples that can be told apart by their numbers."""
 
 
-@dataclass
-class Source:
-    """Sends a sample of a vehicle at rest every period, while the scene's time passes.
-
-    still: counts, and the standard deviation of the noise on each. circle: of its last samples, which it sends over
-    and over; 0: new ones.
-    """
-
-    still: tuple[tuple[int, float], ...]
-    period_s: float
-    next_s: float
-    number: int = 0
-    circle: int = 0
-    stopped: bool = False
-    sent: list[list[Frame]] = field(default_factory=list)
-
-    def send_due(self, scene: Scene) -> None:
-        """Send what is due by now."""
-        while not self.stopped and scene.now_s >= self.next_s:
-            self.next_s += self.period_s
-            if self.circle:
-                frames = self.sent[-self.circle]
-            else:
-                counts = [
-                    count + round(noise(f"{SEED} {channel}", sigma)(self.next_s))
-                    for channel, (count, sigma) in enumerate(self.still)
-                ]
-                frames = sample_frames(protocol(), self.number, counts)
-                self.number += 1
-            self.sent = [*self.sent[1 - KEPT :], frames]
-            scene.session.frames.write_frames(frames)
+def at_rest(still: Sequence[tuple[int, float]]) -> Callable[[float], list[int]]:
+    """Counts of a vehicle at rest as a function of time. still: count and standard deviation of its noise, a channel
+    each."""
+    drawn = [(count, noise(f"{SEED} {channel}", sigma)) for channel, (count, sigma) in enumerate(still)]
+    return lambda time_s: [count + round(added(time_s)) for count, added in drawn]
 
 
 def source_of(scene: Scene) -> Source:
@@ -74,9 +45,9 @@ def injected(scene: Scene) -> None:
     drawn = systems.load(scene.name).scenario(parts.SCENARIO, SEED, period_us=table["period_us"])
     channels = declarations.system(scene.name).channels
     measured = zip(channels, drawn.counts()[0], strict=False)
-    still = tuple((int(count), NOISE_LSB if channel.calibration else 0.0) for channel, count in measured)
+    still = [(int(count), NOISE_LSB if channel.calibration else 0.0) for channel, count in measured]
     scene.session.begin("REALTIME_INJECTED", frames=parts.FRAMES)
-    scene.source = Source(still, table["period_us"] * 1e-6, scene.now_s)
+    scene.source = Source(at_rest(still), table["period_us"] * 1e-6, scene.now_s)
     scene.run(0.1)
     arm(scene)
     scene.session.set_setpoint(SETPOINT)
@@ -107,7 +78,8 @@ def lose(scene: Scene) -> None:
 def freeze(scene: Scene) -> None:
     """The first channel keeps its count, the others go on."""
     source = source_of(scene)
-    source.still = ((source.still[0][0], 0.0), *source.still[1:])
+    counts, first = source.counts, source.counts(scene.now_s)[0]
+    source.counts = lambda time_s: [first, *counts(time_s)[1:]]
 
 
 FAULTS = (

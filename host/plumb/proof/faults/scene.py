@@ -24,6 +24,7 @@ from plumb.flash.image import find_image
 from plumb.link import parameter_table
 from plumb.link.identity import Identity
 from plumb.link.session import Session
+from plumb.proof.faults.sample_source import Source
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.contracts import PINS, AnalogPins, BridgePins, Coupling, Pins, SensorSets, fitted, link_words
@@ -31,7 +32,6 @@ from plumb.tuning.quantise import quantise
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
-    from plumb.proof.faults.samples import Source
 
 SEED = 1
 DRIVING_S = 0.5
@@ -184,7 +184,7 @@ class Scene:
         while self.machine.now < end:
             wait_s = min(LISTEN_S, (end - self.machine.now) / TICKS_PER_S)
             if self.source is not None:
-                self.source.send_due(self)
+                self.source.send_due(self.session)
             if self.host_alive:
                 self.session.receive(wait_s)
             else:

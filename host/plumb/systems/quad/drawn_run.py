@@ -70,15 +70,22 @@ def on_grid(grid: FloatArray, time_s: npt.ArrayLike) -> FloatArray:
 
 
 class LateNoise:
-    """The noise that is drawn last, when a run needs it: a prescribed motion has no torque, most runs no fault."""
+    """The noise that is drawn last, when a run needs it: a prescribed motion has no torque, most runs no fault.
+
+    It keeps the state of the generator, not the generator, so that a restored snapshot draws the same again.
+    """
 
     def __init__(self, rng: np.random.Generator, points: int, steps: int) -> None:
-        self._rng, self._points, self._steps = rng, points, steps
+        self._kind, self._state = type(rng.bit_generator), rng.bit_generator.state
+        self._points, self._steps = points, steps
 
     @cached_property
     def drawn(self) -> tuple[FloatArray, FloatArray]:
         """Of the torque, (1 + points,), and of faults, (3, steps)."""
-        return self._rng.standard_normal(1 + self._points), self._rng.standard_normal((CHANNELS, self._steps))
+        bits = self._kind()
+        bits.state = self._state
+        rng = np.random.Generator(bits)
+        return rng.standard_normal(1 + self._points), rng.standard_normal((CHANNELS, self._steps))
 
 
 @dataclass(frozen=True)
