@@ -27,7 +27,11 @@ DESIGNS = ROOT / "firmware/design/systems"
 
 CHOICES = {
     "tilt": {"arcsine": "PLUMB_TUNING_ARCSINE", "atan2": "PLUMB_TUNING_ATAN2"},
-    "rate": {"previous": "PLUMB_TUNING_RATE_PREVIOUS", "current": "PLUMB_TUNING_RATE_CURRENT"},
+    "rate": {
+        "previous": "PLUMB_TUNING_RATE_PREVIOUS",
+        "current": "PLUMB_TUNING_RATE_CURRENT",
+        "trapezium": "PLUMB_TUNING_RATE_TRAPEZIUM",
+    },
     "rates": {"body": "PLUMB_TUNING_RATES_BODY", "euler": "PLUMB_TUNING_RATES_EULER"},
     "layer": {
         "data": "PLUMB_TUNING_LAYER_DATA",

@@ -38,11 +38,14 @@ KERNEL void axis_record_raw(int32_t words[6], const int16_t raw[6]) {
     words[5] = raw5;
 }
 
-/* Gyro rate that predicts the tilt: the previous sample's, as the sources print it, or the present one's
- * (parameter rate_now). The first step has no previous sample and uses the present one. */
+/* Gyro rate that predicts the tilt (parameter rate_now): 0 the previous sample's, as the sources print it, 1
+ * the present one's, 2 the mean of both, by the trapezium. The first step has no previous sample and uses the
+ * present one. */
 KERNEL int32_t axis_driving_rate(const plumb_kalman_params_t *p, bool first, int32_t present,
                                  int32_t before) {
-    return (p->rate_now | (uint32_t)first) != 0U ? present : before;
+    const int32_t from = p->rate_now == 1U || first ? present : before;
+    const int32_t to = p->rate_now != 0U ? present : from;
+    return mean_floor(from, to);
 }
 
 /* Measured tilt and its variance, from accelerations (g Q26) within +-PLUMB_CALIBRATION_LIMIT. */

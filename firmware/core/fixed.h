@@ -44,6 +44,11 @@ static inline int32_t sub_wrap(int32_t a, int32_t b) {
     return wrap_i32((uint32_t)a - (uint32_t)b);
 }
 
+/* floor((a + b) / 2) of any two numbers. */
+static inline int32_t mean_floor(int32_t a, int32_t b) {
+    return (a & b) + ((a ^ b) >> 1);
+}
+
 static inline int64_t add64_wrap(int64_t a, int64_t b) {
     return wrap_i64((uint64_t)a + (uint64_t)b);
 }

@@ -21,7 +21,7 @@ SELDOM_CALLED bool plumb_kalman_valid(const plumb_kalman_params_t *p, const plum
         return false;
     /* the published bias: its upper word after the shift within 2^30, and 1 turn/s */
     const uint64_t bias = (uint64_t)((uint32_t)p->bias_max_turn_q29 + 1U) << p->rate_shift;
-    return p->dt_s_q33 >= 1 && p->rate_now <= 1U && p->rate_gain >= 1 << 30 && bias <= 1U << 30 &&
+    return p->dt_s_q33 >= 1 && p->rate_now <= 2U && p->rate_gain >= 1 << 30 && bias <= 1U << 30 &&
            bias * (uint32_t)p->rate_gain < (uint64_t)1 << 60 && qa >= 0 && qa <= COVARIANCE_MAX &&
            p->qb_frac_q30 < 1U << 30 && s->bias_hi > -(1 << 26) && s->bias_hi < 1 << 26 && p00 >= 0 &&
            p00 <= 2 * COVARIANCE_MAX && p11 >= 0 && p11 < COVARIANCE_MAX && p01 <= p00 && p01 >= -p00 &&

@@ -46,7 +46,7 @@ static void variances(variance_t v[VARIANCES], const design_filter_t *f, int32_t
 
 void plumb_design_filter_check(plumb_design_t *d, const design_filter_t *f, int32_t period_us) {
     const plumb_start_tuning_t *s = &f->start;
-    plumb_design_choice(d, f->rate_name, f->rate, PLUMB_TUNING_RATE_CURRENT);
+    plumb_design_choice(d, f->rate_name, f->rate, PLUMB_TUNING_RATE_TRAPEZIUM);
     plumb_design_not_negative(d, f->q_angle_name, f->q_angle_deg2_per_s);
     plumb_design_not_negative(d, f->q_bias_name, f->q_bias_dps2_per_s);
     plumb_design_not_negative(d, f->bias_max_name, f->bias_max_dps);

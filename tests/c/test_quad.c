@@ -99,20 +99,21 @@ static void one_step(void) {
     CHECK(w->pulse_halfus[0] == 3001U && w->pulse_halfus[1] == 2999U);
 }
 
-/* U(k) is the sample before, but for the first step; or the current one, on request. */
+/* U(k) is the sample before, but for the first step; on request the current one, or the mean of both. */
 static void rate_of_the_step_before(void) {
     plumb_params_t p = params();
     p.tilt.r_base = p.tilt.r_max = 1 << 24; /* believe the gyro */
     p.start.p00_hi = 0;
     const int16_t still[PLUMB_RAW_MAX] = {2048, 2048, 3072};
     const int16_t turning[PLUMB_RAW_MAX] = {2048 + 256, 2048, 3072}; /* 1 turn/s: 1/50 turn per step */
-    for (uint32_t now = 0; now < 2U; now++) {
+    const int32_t turned[3] = {0, 85899346, 85899346 / 2};
+    for (uint32_t now = 0; now < 3U; now++) {
         p.kalman.rate_now = now;
         control_t c;
         control_init(&c, &p);
         control_step(&c, &p, still, 0);
         control_step(&c, &p, turning, 0);
-        CHECK(abs(c.quad.words.tilt_turn_q32 - (now ? 85899346 : 0)) <= 60);
+        CHECK(abs(c.quad.words.tilt_turn_q32 - turned[now]) <= 60);
         control_step(&c, &p, still, 0);
         CHECK(abs(c.quad.words.tilt_turn_q32 - 85899346) <= 60);
         control_init(&c, &p);

@@ -39,6 +39,7 @@ MANY_0, MANY_F = "0" * 5000, "f" * 5000
         ("tilt.mode", 0, "arcsine of the horizontal axis / 1 g"),
         ("tilt.mode", 1, "atan2(horizontal axis, axis upwards)"),
         ("kalman.rate_now", 1, "the current one"),
+        ("kalman.rate_now", 2, "the mean of both"),
         ("tilt.r_base", 9321, ""),  # in a unit that the board does not know
         ("tilt.r_gain", 5, ""),
         ("kalman.qb_frac_q30", 1 << 29, ""),

@@ -45,7 +45,7 @@ def test_the_factory_values_are_valid() -> None:
         # ((2^32 - 2^16)^2 >> 32) * r_gain >> 32 below 2^32 - 2^20
         ("tilt.r_gain", 4294049762, 4294049763, STEEPEST),
         ("kalman.dt_s_q33", 1, 0, {}),
-        ("kalman.rate_now", 1, 2, {}),
+        ("kalman.rate_now", 2, 3, {}),
         ("kalman.rate_shift", 1, 0, SLOW),
         ("kalman.rate_shift", 16, 17, SLOW | {"kalman.bias_max_turn_q29": 0}),
         ("kalman.rate_gain", 1 << 30, (1 << 30) - 1, SLOW),

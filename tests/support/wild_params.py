@@ -66,7 +66,7 @@ def _shared(rng: np.random.Generator) -> dict[str, int]:
     qa, p00 = log_uniform(rng, 0, 1 << 56), log_uniform(rng, 0, 1 << 57)
     p01 = min(signed(rng, min(p00, 1 << 56)), qa // 4)
     p11, bias = log_uniform(rng, 0, (1 << 56) - 1), signed(rng, ((1 << 26) - 1) << 32)
-    values |= {"kalman.dt_s_q33": log_uniform(rng, 1, 858993459), "kalman.rate_now": int(rng.integers(0, 2))}
+    values |= {"kalman.dt_s_q33": log_uniform(rng, 1, 858993459), "kalman.rate_now": int(rng.integers(0, 3))}
     values |= {"kalman.qa_hi": qa >> 32, "kalman.qa_lo": qa & 0xFFFFFFFF}
     values |= {"kalman.qb": log_uniform(rng, 0, (1 << 32) - 1), "kalman.qb_frac_q30": int(rng.integers(0, 1 << 30))}
     values |= {"kalman.bias_max_turn_q29": log_uniform(rng, 0, most_bias)}

@@ -65,7 +65,8 @@ typedef enum {
 /* Gyro sample that drives the filter. */
 typedef enum {
     PLUMB_TUNING_RATE_PREVIOUS = 0, /* the sample of the previous step, as in the papers */
-    PLUMB_TUNING_RATE_CURRENT = 1   /* the sample of the present step */
+    PLUMB_TUNING_RATE_CURRENT = 1,  /* the sample of the present step */
+    PLUMB_TUNING_RATE_TRAPEZIUM = 2 /* the mean of both: the rate over the step */
 } plumb_rate_choice_t;
 
 /* The two-state filter of tilt and gyro bias. Process noise as densities: Q of a step is the density times

@@ -29,7 +29,8 @@ extern "C" {
 /* Settings. */
 typedef struct {
     int32_t dt_s_q33;          /* period, up to 0.1 s */
-    uint32_t rate_now;         /* U(k): 0 the previous gyro sample, as the sources print; 1 the current one */
+    uint32_t rate_now;         /* U(k): 0 the previous gyro sample, as the sources print; 1 the current one;
+                                * 2 the mean of both */
     uint32_t qa_hi, qa_lo;     /* Q of the tilt per step, lsb; 0..2^56 */
     uint32_t qb;               /* Q of the bias per step, whole lsb; 0..2^32-1 */
     uint32_t qb_frac_q30;      /* fraction of qb, lsb; 0..2^30-1 */

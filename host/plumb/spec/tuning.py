@@ -14,7 +14,8 @@ from dataclasses import Field, dataclass, field
 from typing import Any, ClassVar, Literal, Protocol
 
 TiltMode = Literal["arcsine", "atan2"]
-RateChoice = Literal["previous", "current"]
+RateChoice = Literal["previous", "current", "trapezium"]
+"""Trapezium: the mean of both samples."""
 CHOICE = "choice"
 """Unit of a field whose value is one of a few names: a `Literal`."""
 NUMBER = "1"

@@ -11,12 +11,24 @@ import math
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, NoReturn, TypedDict
+from typing import TYPE_CHECKING, NoReturn, TypedDict, get_args
 
 from plumb.errors import SettingError, UsageError
 from plumb.spec import parameters
 from plumb.spec.speed_controllers import ONE_WAY, foreign_parameter
-from plumb.spec.tuning import AnyTuning, AxisTuning, Calibration, Channel, Esc, Kalman, Pid, Start, TiltMode, Trust
+from plumb.spec.tuning import (
+    AnyTuning,
+    AxisTuning,
+    Calibration,
+    Channel,
+    Esc,
+    Kalman,
+    Pid,
+    RateChoice,
+    Start,
+    TiltMode,
+    Trust,
+)
 from plumb.tuning.quantise import ControlParams
 
 if TYPE_CHECKING:
@@ -34,6 +46,8 @@ QB_MAX = (1 << 62) - 1
 TOLERANCE = Fraction(1, 1000)
 DEG2 = Fraction(1, 360**2)
 """Square degrees in turn^2."""
+RATES: tuple[RateChoice, ...] = get_args(RateChoice)
+"""Each at the place that is its integer."""
 
 
 def refuse(name: str, asked: float, reason: str, least: float = -math.inf, most: float = math.inf) -> NoReturn:
@@ -163,8 +177,8 @@ def _units(variances: dict[str, tuple[float, Fraction]]) -> Iterator[Fraction]:
 
 def check_filter(kalman: Kalman, start: Start, trust: Trust, period_us: int) -> None:
     """Raises UsageError for filter settings that are invalid or contradict each other."""
-    if kalman.rate not in ("previous", "current"):
-        raise UsageError(f"kalman.rate = '{kalman.rate}': previous or current")
+    if kalman.rate not in RATES:
+        raise UsageError(f"kalman.rate = '{kalman.rate}': {', '.join(RATES[:-1])} or {RATES[-1]}")
     not_negative(
         {
             "kalman.q_angle_deg2_per_s": kalman.q_angle_deg2_per_s,
@@ -231,7 +245,7 @@ def filter_words(
     tilt = whole("start.tilt_deg", start.tilt_deg, Fraction(start.tilt_deg) / 360 * (1 << 32), -half_turn, half_turn)
     words |= {
         "kalman.dt_s_q33": round(dt * (1 << 33)),
-        "kalman.rate_now": int(kalman.rate == "current"),
+        "kalman.rate_now": RATES.index(kalman.rate),
         "kalman.bias_max_turn_q29": bias("kalman.bias_max_dps", kalman.bias_max_dps, 29, 0, half_turn - 1),
         "kalman.rate_gain": min(round(Fraction(2) ** (31 - rate_shift) / dt), half_turn - 1),
         "kalman.rate_shift": rate_shift,
@@ -366,7 +380,7 @@ def filter_of(params: ControlParams) -> tuple[Kalman, Start, Trust]:
     kalman = Kalman(
         q_angle_deg2_per_s=params.wide("kalman.qa_hi", "kalman.qa_lo") * lsb / dt,
         q_bias_dps2_per_s=(p["kalman.qb"] + p["kalman.qb_frac_q30"] / 2**30) * lsb / dt**3,
-        rate="current" if p["kalman.rate_now"] else "previous",
+        rate=RATES[p["kalman.rate_now"]],
         bias_max_dps=p["kalman.bias_max_turn_q29"] / 2**29 * 360 / dt,
     )
     start = Start(

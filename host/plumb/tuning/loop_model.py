@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from plumb.kernels.reference.kernels import driving_rate
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import AxisTuning, Pid
 
@@ -81,7 +82,7 @@ class Controller:
         """Estimated tilt, and the rate less the estimated bias, of these samples of rate and tilt."""
         ts, (k0, k1) = self.tuning.period_s, self.steady_gains()
         back = np.exp(-2j * math.pi * hz * ts)
-        driven = ts * rate * (back if self.tuning.kalman.rate == "previous" else 1.0)
+        driven = ts * np.asarray(driving_rate(self.tuning.kalman.rate, rate, back * rate))
         # tilt^ = (1 - k0) (back tilt^ + driven - ts back bias^) + k0 tilt
         # bias^ = back bias^ + k1 (tilt - back tilt^ - driven + ts back bias^)
         a11, a12 = 1.0 - (1.0 - k0) * back, (1.0 - k0) * ts * back

@@ -12,6 +12,7 @@ from plumb.analyses.identification import chosen_settings, rest
 from plumb.analyses.identification.innovations import Measured, Variances
 from plumb.errors import UsageError
 from plumb.inputs import recording, replay
+from plumb.kernels.reference.kernels import driving_rate
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.tuning import AxisTuning
 from plumb.systems.run_reference import run_control
@@ -89,8 +90,7 @@ def _measured(tuning: AxisTuning, raw: npt.NDArray[np.float64]) -> Measured:
     open_ended = replace(tuning, trust=replace(tuning.trust, r_max_deg2=UNLIMITED_DEG2))
     found = run_control(open_ended, raw)
     rate_dps = found["rate_dps"]
-    if tuning.kalman.rate == "previous":
-        rate_dps = np.concatenate([rate_dps[:1], rate_dps[:-1]])
+    rate_dps = np.asarray(driving_rate(tuning.kalman.rate, rate_dps, np.concatenate([rate_dps[:1], rate_dps[:-1]])))
     growth_deg2 = np.maximum(found["r_deg2"] - r_base, 0.0)
     r_max_deg2 = tuning.trust.r_max_deg2 if tuning.trust.gain_deg2 else UNLIMITED_DEG2
     return Measured(tuning.period_s, found["tilt_measured_deg"], rate_dps, growth_deg2, r_max_deg2)

@@ -69,6 +69,12 @@ def kalman_init(p: Params) -> KalmanState:
     )
 
 
+def driving_rate(p: Params, rate: Integer, previous: Integer) -> Integer:
+    """The rate that predicts the tilt, U(k), turn/s Q28."""
+    choice = p["kalman.rate_now"]
+    return select(choice == 2, (previous + rate) >> 1, select(choice == 1, rate, previous))
+
+
 def kalman_step(k: KalmanState, p: Params, r: Integer, z: Integer, u: Integer) -> None:
     """One predict and update. r: variance in 2^32 lsb; z: measured tilt, turn Q32; u: gyro rate, turn/s Q28. Equations
     as in `plumb.kernels.reference.kernels`."""

@@ -47,7 +47,7 @@ def kalman(p: Params, noise: str = "kalman", start: str = "start") -> bool:
     bias = (most + 1) << shift
     return (
         int(p["kalman.dt_s_q33"]) >= 1
-        and 0 <= int(p["kalman.rate_now"]) <= 1
+        and 0 <= int(p["kalman.rate_now"]) <= 2
         and gain >= 1 << 30
         and bias <= 1 << 30
         and bias * gain < 1 << 60

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from plumb.spec.tuning import Channel, Kalman, Pid, Start, TiltMode, Trust
+from plumb.spec.tuning import Channel, Kalman, Pid, RateChoice, Start, TiltMode, Trust
 
 Number = Any  # Any: the operators of the two kinds have no common type
 """A float, or an array with one float per run."""
@@ -89,12 +89,20 @@ def kalman_init(start: Start) -> KalmanState:
     )
 
 
+def driving_rate(choice: RateChoice, rate_dps: Number, before_dps: Number) -> Number:
+    """U(k) from the present and the previous sample of the gyro."""
+    if choice == "trapezium":
+        return 0.5 * (before_dps + rate_dps)
+    return rate_dps if choice == "current" else before_dps
+
+
 def kalman_step(
     x: KalmanState, settings: Kalman, period_s: float, z_deg: Number, rate_dps: Number, r_deg2: Number
 ) -> None:
     """One predict and update; z is the accelerometer's tilt, rate the gyro's current sample."""
     ts = period_s
-    u = rate_dps if settings.rate == "current" or x.rate_dps is None else x.rate_dps
+    before_dps = rate_dps if x.rate_dps is None else x.rate_dps
+    u = driving_rate(settings.rate, rate_dps, before_dps)
     x.rate_dps = rate_dps
 
     # (1) X(k|k-1) = A X(k-1|k-1) + B U(k)

@@ -11,6 +11,7 @@ from plumb.kernels.fixed.kernels import (
     Params,
     PidState,
     calibrate,
+    driving_rate,
     kalman_bias,
     kalman_init,
     kalman_step,
@@ -65,7 +66,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mp
     accel_z, z_clamped = calibrate(raw[2], p, "accel_up")
     speed, velocity, wheel_accel, wheel_clamped = wheel(edges, c.velocity_mps_q26, p)
     c.rate_turnps_q28, c.velocity_mps_q26 = rate, velocity
-    u = rate if c.step == 1 else select(p["kalman.rate_now"] == 1, rate, previous)
+    u = rate if c.step == 1 else driving_rate(p, rate, previous)
     gravity_x = accel_x + wheel_accel
     measured = tilt(gravity_x, accel_z, p)
     variance = trust(gravity_x, accel_z, p)

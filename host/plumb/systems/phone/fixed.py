@@ -10,6 +10,7 @@ from plumb.kernels.fixed.kernels import (
     KalmanState,
     Params,
     calibrate,
+    driving_rate,
     kalman_bias,
     kalman_init,
     kalman_step,
@@ -75,8 +76,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
     taken = [calibrate(count, p, channel) for count, channel in zip(raw, ["gyro"] * 3 + ["accel"] * 3, strict=True)]
     x, y, z, accel_x, accel_y, accel_z = (value for value, _ in taken)
     clamped = [flag for _, flag in taken]
-    now = (p["kalman.rate_now"] == 1) | (c.step == 1)
-    wx, wy, wz = (select(now, new, old) for new, old in zip((x, y, z), c.rate, strict=True))
+    before = (x, y, z) if c.step == 1 else c.rate
+    wx, wy, wz = (driving_rate(p, new, old) for new, old in zip((x, y, z), before, strict=True))
     c.rate = (x, y, z)
 
     lateral = length(accel_y, accel_z)

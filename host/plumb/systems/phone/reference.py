@@ -25,7 +25,16 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from plumb.kernels.reference.kernels import KalmanState, Number, calibrate, clip, kalman_init, kalman_step, wrap
+from plumb.kernels.reference.kernels import (
+    KalmanState,
+    Number,
+    calibrate,
+    clip,
+    driving_rate,
+    kalman_init,
+    kalman_step,
+    wrap,
+)
 from plumb.spec.arrays import FloatArray
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 
@@ -90,14 +99,15 @@ def run_control(
     pitch_measured_deg, roll_measured_deg = measured(force_g)
     roll_lost = np.hypot(force_g[1], force_g[2]) < SINGULAR_G
     pitch_lost = roll_lost & (np.abs(force_g[0]) < SINGULAR_G)
-    before_dps = rate_dps if tuning.rate == "current" else np.concatenate([rate_dps[:, :1], rate_dps[:, :-1]], axis=1)
+    before_dps = np.concatenate([rate_dps[:, :1], rate_dps[:, :-1]], axis=1)
+    driving_dps = np.asarray(driving_rate(tuning.rate, rate_dps, before_dps), np.float64)
 
     pitch, roll = kalman_init(tuning.pitch.start), kalman_init(tuning.roll.start)
     rows = []
     for k in range(counts.shape[1]):
         if tuning.rates == "euler":
             change_sides(pitch, roll, roll_lost[k])
-        pitch_rate_dps, roll_rate_dps = rates_of(tuning, pitch.tilt_deg, roll.tilt_deg, before_dps[:, k], roll_lost[k])
+        pitch_rate_dps, roll_rate_dps = rates_of(tuning, pitch.tilt_deg, roll.tilt_deg, driving_dps[:, k], roll_lost[k])
         first = correct(pitch, tuning, tuning.pitch, pitch_measured_deg[k], pitch_rate_dps, pitch_lost[k])
         second = correct(roll, tuning, tuning.roll, roll_measured_deg[k], roll_rate_dps, roll_lost[k])
         rows.append((pitch_rate_dps, pitch.tilt_deg, *first, roll_rate_dps, roll.tilt_deg, *second))

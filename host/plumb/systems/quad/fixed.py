@@ -11,6 +11,7 @@ from plumb.kernels.fixed.kernels import (
     Params,
     PidState,
     calibrate,
+    driving_rate,
     kalman_bias,
     kalman_init,
     kalman_step,
@@ -53,7 +54,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
     accel_y, y_clamped = calibrate(raw[1], p, "accel")
     accel_z, z_clamped = calibrate(raw[2], p, "accel_up")
     c.rate_turnps_q28 = rate
-    u = rate if c.step == 1 else select(p["kalman.rate_now"] == 1, rate, previous)
+    u = rate if c.step == 1 else driving_rate(p, rate, previous)
     measured = tilt(accel_y, accel_z, p)
     variance = trust(accel_y, accel_z, p)
     k, pid = c.kalman, c.pid
