@@ -1,10 +1,11 @@
 """Write the measured tables and transcripts of README.md and of the systems' pages, between their marks, by running the
 commands named there.
 
-usage: .venv/bin/python tools/gen_readme.py [--check] [demo|python|systems|headlines|bench ...]
+usage: .venv/bin/python tools/gen_readme.py [--check] [demo|python|systems|headlines|bench|study ...]
 
 `systems` computes every figure once: docs/systems/index.md gets `plumb systems --table --short`, docs/systems/SYSTEM.md
-the whole table of its system, README.md one row of each (`headlines`). docs/explanation/cost.md gets `bench`.
+the whole table of its system, README.md one row of each (`headlines`). docs/explanation/cost.md gets `bench`,
+docs/systems/quad.md the combinations of the study of its default (`study`).
 Needs the image, the native core and QEMU (`make image native`).
 --check writes nothing and exits 1 when a block differs. Rates depend on the machine and stay out.
 """
@@ -41,6 +42,7 @@ COMMANDS = {
     "python": ["-c", EXAMPLE],
     "systems": ["-m", "plumb", "systems", "--table", "--json"],
     "bench": ["-m", "plumb", "bench"],
+    "study": ["-m", "plumb", "campaign", "examples/studies/quad_default.toml"],
 }
 NAMES = [*COMMANDS, "headlines"]
 MACHINE_DEPENDENT = ("native Kalman steps:", "link frames parsed:")
@@ -76,6 +78,9 @@ def block(page: Path, name: str) -> str:
         lines = (f"{'-' if line.endswith('MISSED') else ' '} {line}".rstrip() for line in table(page).splitlines())
         return "\n```diff\n" + "\n".join(lines) + "\n```\n\n"
     shown = [line for line in answer(name).rstrip().splitlines() if not line.startswith(MACHINE_DEPENDENT)]
+    if name == "study":  # the table of the combinations: indented, behind the pooled figures
+        first = next(place for place, line in enumerate(shown) if line.startswith("  scenario "))
+        shown = [line.removeprefix("  ") for line in shown[first:] if line.startswith("  ")]
     if name == "python":
         shown = ["```python", *EXAMPLE.rstrip().splitlines(), *(f"# {line}" for line in shown), "```"]
         return "\n" + "\n".join(shown) + "\n\n"
@@ -92,6 +97,7 @@ def main() -> int:
     arguments = parser.parse_args()
     names = arguments.name or NAMES
     pages = {"demo": [README], "python": [README], "bench": [COST], "headlines": [README]}
+    pages["study"] = [ROOT / "docs/systems/quad.md"]
     pages["systems"] = [ALL_SYSTEMS, *(ROOT / "docs" / "systems" / f"{system}.md" for system in SYSTEMS)]
     blocks = [(page, name) for name in names for page in pages[name]]
     stale = False

@@ -11,6 +11,7 @@ from plumb.campaign import against, statistics
 from plumb.campaign.batch import Batch
 from plumb.campaign.results import Results
 from plumb.errors import UsageError
+from plumb.proof import intervals
 
 
 def results(values: np.ndarray, seeds: range, **factors: list[Any]) -> Results:
@@ -22,7 +23,7 @@ def results(values: np.ndarray, seeds: range, **factors: list[Any]) -> Results:
 
 def test_the_interval_is_that_of_the_mean() -> None:
     values = np.random.default_rng(1).normal(5.0, 2.0, 1000)
-    low, high = statistics.interval(values)
+    low, high = intervals.of_mean(values)
     half = 1.96 * values.std(ddof=1) / np.sqrt(1000)
     assert low == pytest.approx(values.mean() - half, abs=0.1 * half)
     assert high == pytest.approx(values.mean() + half, abs=0.1 * half)
@@ -30,7 +31,7 @@ def test_the_interval_is_that_of_the_mean() -> None:
 
 def test_the_interval_has_the_mean_of_all_seeds_in_most_campaigns() -> None:
     rng = np.random.default_rng(2)
-    held = sum(low <= 1.0 <= high for low, high in (statistics.interval(rng.exponential(1.0, 60)) for _ in range(100)))
+    held = sum(low <= 1.0 <= high for low, high in (intervals.of_mean(rng.exponential(1.0, 60)) for _ in range(100)))
     assert 86 <= held <= 99
 
 
@@ -65,3 +66,21 @@ def test_the_factor_that_moves_a_figure_is_named() -> None:
     found = statistics.effects(results(values, range(800), delay_ms=delay_ms.tolist(), other=other), ["error_deg"])
     assert [one.factor for one in found] == ["delay_ms", "other"]
     assert found[0].share > 0.9 and found[1].share < 0.02 and len(found[0].levels) == statistics.BINS
+
+
+def test_every_combination_of_a_grid_has_its_own_mean() -> None:
+    values = np.array([1.0, 5.0, 2.0, 6.0, 3.0, 7.0])
+    found = statistics.points(results(values, range(6), tuning=["a", "b"] * 3, faults=[["x", "y"], []] * 3))
+    assert [one.values for one in found] == [{"tuning": "a", "faults": "x, y"}, {"tuning": "b", "faults": "none"}]
+    assert [one.figures["error_deg"].mean for one in found] == [2.0, 6.0]
+    assert [one.figures["error_deg"].worst_index for one in found] == [4, 5]
+    assert str(found[0].figures["error_deg"]).startswith("2 (1")
+
+
+def test_the_interval_of_a_share_draws_pairs() -> None:
+    """Both runs of a pair share their noise: the share is far better known than either mean."""
+    mark = np.random.default_rng(4).uniform(1.0, 9.0, 200)
+    low, high = intervals.below(0.6 * mark, mark)
+    assert (low, high) == pytest.approx((40.0, 40.0))
+    low, high = intervals.below(0.6 * np.roll(mark, 1), mark)
+    assert low < 38.0 and high > 42.0

@@ -290,8 +290,8 @@ def test_values_are_set_in_units(board: NativeBoard, capsys: pytest.CaptureFixtu
     code, out, err = params(capsys, "set", "pid.kp=0.05", "kalman.q_bias=2e-4", "kalman.r=0.05", "tilt=arcsine")
     assert code == 0 and err == ""
     assert out.splitlines()[:-1] == [
-        "kalman.q_bias: 0.0004 -> 0.0002 (deg/s)^2/s",
-        "trust.r: 0.250009 -> 0.05 deg^2",
+        "kalman.q_bias: 0.01 -> 0.0002 (deg/s)^2/s",
+        "trust.r: 3.99995 -> 0.05 deg^2",
         "tilt: atan2 -> arcsine",
         "pid.kp: 0.045 -> 0.05 1/deg",
     ]

@@ -134,7 +134,7 @@ def test_the_tuning_that_was_chosen_is_remembered(board: NativeBoard, capsys: Ca
     for _ in range(2):
         params(capsys, "undo")
     _, out, _ = params(capsys, "list")
-    assert out.startswith("quad, from its tuning 'adaptive'")
+    assert out.startswith("quad, from its tuning 'trapezium'")
 
 
 # ---- profiles ----
@@ -192,11 +192,11 @@ def test_diff_compares_two_of_board_tuning_defaults_file_and_profile(
     board: NativeBoard, capsys: Capture, tmp_path: Path
 ) -> None:
     params(capsys, "tuning", "quad")
-    assert params(capsys, "diff") == (0, "from the tuning 'adaptive' of quad to the board: nothing differs\n", "")
+    assert params(capsys, "diff") == (0, "from the tuning 'trapezium' of quad to the board: nothing differs\n", "")
     params(capsys, "dump", str(tmp_path / "a.toml"))
     params(capsys, "set", "pid.kp=0.05", "kalman.rate=current")
     code, out, _ = params(capsys, "diff")
-    assert code == 1 and out.splitlines()[1:] == ["kalman.rate: previous -> current", "pid.kp: 0.045 -> 0.05 1/deg"]
+    assert code == 1 and out.splitlines()[1:] == ["kalman.rate: trapezium -> current", "pid.kp: 0.045 -> 0.05 1/deg"]
     code, out, _ = params(capsys, "diff", "board", str(tmp_path / "a.toml"))
     assert code == 1 and out.splitlines()[-1] == "pid.kp: 0.05 -> 0.045 1/deg"
     code, out, _ = params(capsys, "diff", "defaults", str(tmp_path / "a.toml"), "--json")

@@ -49,6 +49,8 @@ def keyed(rows: object) -> Rows:
         (("motion", "paper", "deg rms"), 1.78, 1.96, 2.2),
         (("motion", "adaptive", "deg rms"), 0.44, 0.60, 0.90),
         (("quiet", "adaptive", "deg rms"), 0.30, 0.40, 0.70),
+        (("motion", "trapezium", "deg rms"), 0.36, 0.47, 0.80),
+        (("quiet", "trapezium", "deg rms"), 0.18, 0.30, 0.60),
         (("quiet", "quiet", "deg rms"), 0.20, 0.33, 0.60),
     ],
 )
@@ -63,8 +65,8 @@ def test_tilt_errors(
 
 
 def test_the_filter_takes_75_percent_off_the_accelerometers_error(estimator: Rows) -> None:
-    row = estimator[("motion", "adaptive", "%")]
-    assert row.met and 75.0 <= row.reached < 83.0
+    row = estimator[("motion", "trapezium", "%")]
+    assert row.met and 80.0 <= row.reached < 86.0
 
 
 def test_r_that_adapts_beats_the_best_constant_r(estimator: Rows) -> None:
@@ -75,26 +77,41 @@ def test_r_that_adapts_beats_the_best_constant_r(estimator: Rows) -> None:
 
 
 def test_one_tuning_gives_the_motion_and_the_quiet_figure(estimator: Rows) -> None:
-    assert {key[1] for key, row in estimator.items() if row.reach in (0.60, 0.40, 75.0)} == {"adaptive"}
-    trust = quad.TUNINGS["adaptive"].trust
-    assert trust.r_max_deg2 / trust.r_deg2 == pytest.approx(1000.0), "R adapts over 1000:1"
+    assert {key[1] for key, row in estimator.items() if row.reach in (0.60, 0.40, 75.0)} == {"adaptive", "trapezium"}
+    for tuning in ("adaptive", "trapezium"):
+        trust = quad.TUNINGS[tuning].trust
+        assert trust.r_max_deg2 / trust.r_deg2 == pytest.approx(1000.0), "R adapts over 1000:1"
 
 
-def test_what_the_shipped_tuning_trades_stands_in_the_table(estimator: Rows) -> None:
-    """On `quiet` constants for it beat `adaptive`, on `motion` they are far behind; U half a period late is most of the
-    difference."""
+def test_the_mean_of_two_samples_is_better_on_both_scenarios(estimator: Rows) -> None:
+    """On `quiet` constants for it alone are a little ahead, and far behind on `motion`; with the printed U, half a
+    period late, `adaptive` is behind on both."""
     reached = {key[:2]: row.reached for key, row in estimator.items() if key[2] == "deg rms"}
-    fitted, adaptive = reached["quiet", "quiet_fitted"], reached["quiet", "adaptive"]
-    assert fitted < min(reached["quiet", name] for name in ("quiet", "fast_start", "paper")) < adaptive
-    assert reached["motion", "quiet_fitted"] > 2.0 * reached["motion", "adaptive"]
-    assert reached["quiet", "adaptive, trapezium"] - fitted < 0.5 * (adaptive - fitted)
+    fitted, shipped = reached["quiet", "quiet_fitted"], reached["quiet", "trapezium"]
+    assert fitted < shipped < 1.1 * fitted and shipped < 0.75 * reached["quiet", "adaptive"]
+    assert reached["motion", "trapezium"] < 0.9 * reached["motion", "adaptive"]
+    assert reached["motion", "quiet_fitted"] > 3.0 * reached["motion", "trapezium"]
+
+
+def test_the_shipped_tuning_states_its_own_error(estimator: Rows) -> None:
+    """The spread about the mean of a run is 0.5 to 1.4 times the filter's own sigma; the mean is the accelerometer's
+    offset, which no filter sees."""
+    least, most = quad_figures.CONSISTENT
+    for scenario in ("motion", "quiet"):
+        row = estimator[scenario, "trapezium", "times"]
+        assert least <= row.reached <= most and row.reach == most
+        assert row.low is not None and row.high is not None and row.low < row.reached < row.high
+    assert estimator["motion", "adaptive", "times"].reached > 3.0
+    assert estimator["quiet", "trapezium", "deg"].reached == pytest.approx(
+        np.degrees(quad.OFFSET_G) * np.sqrt(2.0 / np.pi), rel=0.6
+    )
 
 
 @pytest.mark.slow
 def test_the_simple_filters_fall_short_of_the_kalman_filter(estimator: Rows) -> None:
     """At their best constants, on seeds that these were not fitted on; a weighted average keeps the drift."""
     simple = {(row.scenario, row.claim.split()[0]): row for row in quad_figures.blended_rows(range(1000, 1008))}
-    for scenario, kalman in (("motion", "adaptive"), ("quiet", "quiet_fitted")):
+    for scenario, kalman in (("motion", "trapezium"), ("quiet", "trapezium")):
         complementary, average = simple[scenario, "complementary"], simple[scenario, "weighted"]
         assert estimator[scenario, kalman, "deg rms"].reached < complementary.reached < average.reached
         assert average.accel_only is not None and average.reached == pytest.approx(average.accel_only, rel=0.05)
@@ -104,10 +121,10 @@ def test_the_simple_filters_fall_short_of_the_kalman_filter(estimator: Rows) -> 
 def test_the_bias_converges_within_half_a_second(convergence: Rows) -> None:
     paper = convergence[("converge", "paper", "s, median")]
     assert paper.reached == pytest.approx(1.5, rel=0.05), "the source's own figure, or the scenario is another"
-    for tuning in ("adaptive", "fast_start"):
+    for tuning in ("adaptive", "trapezium", "fast_start"):
         row = convergence[("converge", tuning, "s, median")]
         assert row.met and 0.3 < row.reached <= 0.5 and row.worst is not None and row.worst < 1.5
-    after = convergence[("converge", "adaptive", "deg max")]
+    after = convergence[("converge", "trapezium", "deg max")]
     assert after.met and 0.1 < after.reached <= 2.0
 
 

@@ -134,12 +134,12 @@ def test_signals_on_the_wire_are_the_words_of_each_record() -> None:
 
 
 def test_factory_values_are_a_shipped_tuning() -> None:
-    from plumb.systems.quad.scenarios import TUNINGS
+    from plumb.systems.quad.scenarios import DEFAULT_TUNING, TUNINGS
     from plumb.tuning.quantise import quantise
 
     rows = parameters.table()
-    assert [row.default for row in rows if row.owner == "control"] == quantise(TUNINGS["adaptive"]).words()
-    assert {row.name: row.default for row in rows}["period_us"] == TUNINGS["adaptive"].period_us
+    assert [row.default for row in rows if row.owner == "control"] == quantise(TUNINGS[DEFAULT_TUNING]).words()
+    assert {row.name: row.default for row in rows}["period_us"] == TUNINGS[DEFAULT_TUNING].period_us
 
 
 def test_other_tools_see_degrees_and_names() -> None:

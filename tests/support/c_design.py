@@ -14,7 +14,7 @@ LIBRARY = Path(__file__).resolve().parents[2] / "build" / "native" / "tests" / "
 
 CHOICES = {
     "tilt": ("arcsine", "atan2"),
-    "rate": ("previous", "current"),
+    "rate": ("previous", "current", "trapezium"),
     "rates": ("body", "euler"),
     "layer": ("data", "attitude", "printed"),
 }

@@ -90,7 +90,7 @@ def test_the_papers_constants_as_they_are() -> None:
         ("kalman.q_angle_deg2_per_s", -1.0, "negative"),
         ("kalman.q_bias_dps2_per_s", 1e9, "too small beside kalman.q_bias"),
         ("kalman.bias_max_dps", 360.0, "below 360"),
-        ("kalman.rate", "next", "previous or current"),
+        ("kalman.rate", "next", "previous, current or trapezium"),
         ("start.p00_deg2", 1e12, "too small beside start.p00"),
         ("start.p01_deg2_per_s", 1e3, "no covariance"),
         ("start.bias_dps", 301.0, "bias_max"),

@@ -22,35 +22,40 @@
      .slew_per_s = 20.0}
 #define ESC_1 \
     {.mid_us = 1500.0, .span_us = 400.0, .min_us = 1000.0, .max_us = 2000.0, .neutral_us = 1000.0}
+#define KALMAN_2 \
+    {.q_angle_deg2_per_s = 0.01, .q_bias_dps2_per_s = 0.01, .rate = PLUMB_TUNING_RATE_TRAPEZIUM, \
+     .bias_max_dps = 300.0}
 #define TRUST_2 \
+    {.r_deg2 = 4.0, .gain_deg2 = 15000.0, .r_max_deg2 = 4000.0}
+#define TRUST_3 \
     {.r_deg2 = 1.0, .gain_deg2 = 4400.0, .r_max_deg2 = 1000.0}
 #define PID_2 \
     {.kp_per_deg = 0.0196, .ki_per_deg_s = 0.0432, .kd_per_dps = 0.00577, .derivative_tau_s = 0.0005, \
      .slew_per_s = 20.0}
-#define KALMAN_2 \
+#define KALMAN_3 \
     {.q_angle_deg2_per_s = 0.5, .q_bias_dps2_per_s = 0.25, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
      .bias_max_dps = 300.0}
-#define TRUST_3 \
+#define TRUST_4 \
     {.r_deg2 = 0.056, .gain_deg2 = 0.0, .r_max_deg2 = 0.056}
 #define START_2 \
     {.tilt_deg = 0.0, .bias_dps = 0.0, .p00_deg2 = 0.005, .p01_deg2_per_s = 0.005, .p11_dps2 = 0.005}
-#define KALMAN_3 \
+#define KALMAN_4 \
     {.q_angle_deg2_per_s = 0.15, .q_bias_dps2_per_s = 0.0005, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
      .bias_max_dps = 300.0}
-#define TRUST_4 \
+#define TRUST_5 \
     {.r_deg2 = 0.25, .gain_deg2 = 0.0, .r_max_deg2 = 0.25}
-#define KALMAN_4 \
+#define KALMAN_5 \
     {.q_angle_deg2_per_s = 0.35000000000000003, .q_bias_dps2_per_s = 0.015, \
      .rate = PLUMB_TUNING_RATE_PREVIOUS, .bias_max_dps = 300.0}
-#define KALMAN_5 \
+#define KALMAN_6 \
     {.q_angle_deg2_per_s = 0.00030000000000000003, .q_bias_dps2_per_s = 0.00039999999999999996, \
      .rate = PLUMB_TUNING_RATE_PREVIOUS, .bias_max_dps = 300.0}
-#define TRUST_5 \
+#define TRUST_6 \
     {.r_deg2 = 4.0, .gain_deg2 = 0.0, .r_max_deg2 = 4.0}
-#define KALMAN_6 \
+#define KALMAN_7 \
     {.q_angle_deg2_per_s = 0.35, .q_bias_dps2_per_s = 0.0001, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
      .bias_max_dps = 300.0}
-#define TRUST_6 \
+#define TRUST_7 \
     {.r_deg2 = 25.0, .gain_deg2 = 0.0, .r_max_deg2 = 25.0}
 
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_ADAPTIVE = {
@@ -58,42 +63,47 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_ADAPTIVE = {
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .esc = ESC_1,
 };
 
+const plumb_quad_tuning_t PLUMB_QUAD_TUNING_TRAPEZIUM = {
+    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_2, .trust = TRUST_2,
+    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .esc = ESC_1,
+};
+
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_HOLD = {
-    .period_us = 5000, .calibration = CALIBRATION_1, .kalman = KALMAN_1, .trust = TRUST_2,
+    .period_us = 5000, .calibration = CALIBRATION_1, .kalman = KALMAN_1, .trust = TRUST_3,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_2, .esc = ESC_1,
 };
 
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER = {
-    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_2, .trust = TRUST_3,
+    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_3, .trust = TRUST_4,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_2, .pid = PID_1, .esc = ESC_1,
 };
 
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER_ARCSINE = {
-    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_2, .trust = TRUST_3,
+    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_3, .trust = TRUST_4,
     .tilt = PLUMB_TUNING_ARCSINE, .start = START_2, .pid = PID_1, .esc = ESC_1,
 };
 
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_QUIET = {
-    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_3, .trust = TRUST_4,
+    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_4, .trust = TRUST_5,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .esc = ESC_1,
 };
 
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_QUIET_FITTED = {
-    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_4, .trust = TRUST_4,
-    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .esc = ESC_1,
-};
-
-const plumb_quad_tuning_t PLUMB_QUAD_TUNING_CONSTANT = {
     .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_5, .trust = TRUST_5,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .esc = ESC_1,
 };
 
+const plumb_quad_tuning_t PLUMB_QUAD_TUNING_CONSTANT = {
+    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_6, .trust = TRUST_6,
+    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .esc = ESC_1,
+};
+
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_FAST_START = {
-    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_2, .trust = TRUST_4,
+    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_3, .trust = TRUST_5,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .esc = ESC_1,
 };
 
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_RECORDING = {
-    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_6, .trust = TRUST_6,
+    .period_us = 20000, .calibration = CALIBRATION_1, .kalman = KALMAN_7, .trust = TRUST_7,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .esc = ESC_1,
 };

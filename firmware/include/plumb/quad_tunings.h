@@ -10,7 +10,8 @@
 extern "C" {
 #endif
 
-extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_ADAPTIVE; /* R follows | |a|^2 - 1 | over 1000:1; the shipped estimator */
+extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_ADAPTIVE; /* R follows | |a|^2 - 1 | over 1000:1, U as the source prints it */
+extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_TRAPEZIUM; /* R follows | |a|^2 - 1 | over 1000:1, U the mean of two samples; the shipped estimator */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_HOLD; /* attitude hold every 5 ms, with margins: what drives a machine */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER; /* the paper's table 2, angles from both axes */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER_ARCSINE; /* the paper's table 2, its tilt = arcsin(a / g) as printed */
@@ -20,7 +21,7 @@ extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_CONSTANT; /* constant R, the 
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_FAST_START; /* the paper's Q with the accelerometer's own R, start-up mode fast */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_RECORDING; /* constant, wide R for recordings of general motion */
 
-#define PLUMB_QUAD_TUNING_DEFAULT PLUMB_QUAD_TUNING_ADAPTIVE
+#define PLUMB_QUAD_TUNING_DEFAULT PLUMB_QUAD_TUNING_TRAPEZIUM
 
 #ifdef __cplusplus
 }

@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from plumb.campaign.results import Results
-from plumb.campaign.statistics import interval
 from plumb.errors import UsageError
+from plumb.proof import intervals
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def compare(here: Results, other: Results) -> list[Difference]:
         if not known.any():
             continue
         apart = (a - b)[known]
-        low, high = interval(apart)
+        low, high = intervals.of_mean(apart)
         found.append(
             Difference(
                 metric, len(apart), float(a[known].mean()), float(b[known].mean()), float(apart.mean()), low, high

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from plumb.campaign.results import Results
-from plumb.campaign.statistics import Effect, Figure, worst
+from plumb.campaign.statistics import Effect, Figure, Point, worst
 from plumb.campaign.study import Study
 from plumb.proof.report import ESTIMATE, Plot, Statement, Table, page
 from plumb.proof.run_identity import rows
@@ -17,6 +17,7 @@ from plumb.spec.arrays import FloatArray
 BARS = 40
 FAILED_SHOWN = 20
 EFFECTS_SHOWN = 12
+POINT_FIGURES = 3
 
 
 def text(
@@ -24,6 +25,7 @@ def text(
     results: Results,
     figures: Mapping[str, Figure],
     effects: Sequence[Effect],
+    points: Sequence[Point],
     said: Sequence[Statement],
     identity: Mapping[str, object],
 ) -> str:
@@ -32,6 +34,7 @@ def text(
     statements = [Statement("runs", f"{done} of {len(results)} were run to their end", done == len(results))]
     statements += said
     parts: list[Plot | XyPlot | Table] = [figure_table(figures)]
+    parts += [point_table(points, list(study.limits) or list(figures)[:POINT_FIGURES])] if points else []
     parts += [distribution(name, results.metrics[name]) for name in figures if _spread(results.metrics[name])]
     parts += [effect_table(effects)] if effects else []
     parts += [worst_table(study, results, name) for name in list(figures)[:2]]
@@ -54,6 +57,19 @@ def figure_table(figures: Mapping[str, Figure]) -> Table:
         for name, one in figures.items()
     ]  # fmt: skip
     return Table("Figures", head, lines)
+
+
+def point_table(points: Sequence[Point], shown: Sequence[str]) -> Table:
+    """Every combination of a grid with the means of some figures."""
+    lines = [
+        [
+            *one.values.values(),
+            *(str(one.figures.get(name, "")) for name in shown),
+        ]
+        for one in points
+    ]
+    note = "Mean of the runs of each combination, and its 95 % interval. All combinations have the same seeds."
+    return Table("Each combination", [*points[0].values, *shown], lines, note)
 
 
 def _spread(values: FloatArray) -> bool:

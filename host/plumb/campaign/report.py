@@ -9,8 +9,9 @@ from typing import Any
 
 from plumb.campaign import against, page, results, statistics
 from plumb.campaign.against import Difference
+from plumb.campaign.factors import GRID
 from plumb.campaign.results import Results
-from plumb.campaign.statistics import Effect, Figure, Share
+from plumb.campaign.statistics import Effect, Figure, Point, Share
 from plumb.campaign.study import Study
 from plumb.errors import UsageError
 from plumb.proof import run_identity
@@ -30,6 +31,8 @@ class Report:
     effects: Sequence[Effect]
     differences: Sequence[Difference]
     shares: Sequence[Share]
+    points: Sequence[Point]
+    """The combinations of a grid; (): nothing is varied, or not on a grid."""
     identity: dict[str, Any]  # Any: JSON
 
     def to_json(self) -> dict[str, Any]:  # Any: JSON
@@ -52,6 +55,7 @@ class Report:
                 {"factor": one.factor, "metric": one.metric, "share": one.share, "levels": one.levels}
                 for one in self.effects
             ],
+            **({"points": [one.to_json() for one in self.points]} if self.points else {}),
             **({"limits": [one.to_json() for one in self.shares]} if self.shares else {}),
             **({"against": [one.to_json() for one in self.differences]} if self.differences else {}),
         }
@@ -61,10 +65,8 @@ class Report:
         lines = [f"{len(self.results)} runs of {self.study.system} from seed {self.study.first_seed} on"]
         width = max((len(name) for name in self.figures), default=0)
         for name, one in self.figures.items():
-            lines.append(
-                f"  {name:<{width}}  {one.mean:.4g} ({one.low:.4g} to {one.high:.4g})  "
-                f"5 % {one.p05:.4g}, 95 % {one.p95:.4g}, largest {one.max:.4g}"
-            )
+            lines.append(f"  {name:<{width}}  {one}  5 % {one.p05:.4g}, 95 % {one.p95:.4g}, largest {one.max:.4g}")
+        lines += self._point_lines()
         first = next(((name, one) for name, one in self.figures.items() if name != CONFIRMED), None)
         if first is not None:
             lines.append(f"largest {first[0]}: {self.study.command(first[1].worst_index)}")
@@ -79,13 +81,29 @@ class Report:
             lines.append(f"failed: {len(self.results.failed)} in all")
         return "\n".join(lines)
 
+    def _point_lines(self) -> list[str]:
+        """The combinations, one a line, with the figures that the study limits, else the first one."""
+        shown = list(self.study.limits) or [name for name in self.figures if name != CONFIRMED][:1]
+        rows = [
+            [
+                *one.values.values(),
+                *(str(one.figures.get(name, "")) for name in shown),
+            ]
+            for one in self.points
+        ]
+        if not rows:
+            return []
+        table = [[*self.points[0].values, *shown], *rows]
+        widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
+        return ["  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in table]
+
     def files(self) -> dict[str, str | bytes]:
         """Name -> content of the files of a folder."""
         about = {"identity": self.identity, "study": self.study.to_json(), "study_sha256": self.study.sha256()}
         summary = {**self.to_json(), **about}
         said = [Statement("limit", str(one), None) for one in self.shares]
         said += [Statement("against the other campaign", str(one), None) for one in self.differences]
-        html = page.text(self.study, self.results, self.figures, self.effects, said, self.identity)
+        html = page.text(self.study, self.results, self.figures, self.effects, self.points, said, self.identity)
         try:
             table: dict[str, str | bytes] = {"runs.parquet": results.parquet_bytes(self.results, about)}
         except UsageError:
@@ -103,5 +121,6 @@ def of(study: Study, found: Results, part: Mapping[str, object], command: str, o
         statistics.effects(found, list(figures)),
         against.compare(found, other) if other is not None else [],
         statistics.shares(found, study.limits),
+        statistics.points(found) if study.vary and study.draw == GRID else [],
         {**run_identity.identity({"board": "native", **part}, None, command), "study_sha256": study.sha256()},
     )

@@ -15,12 +15,9 @@ import numpy as np
 
 from plumb.campaign.results import Results
 from plumb.errors import UsageError
+from plumb.proof import intervals
 from plumb.spec.arrays import FloatArray
 
-RESAMPLES = 2000
-BLOCKS = 10_000
-"""Runs that a resampling draws from; of more, means of equal stretches."""
-LOW, HIGH = 2.5, 97.5
 NORMAL_95 = 1.959964
 BINS = 8
 """Equal parts of a range, whose means show what the factor does."""
@@ -47,19 +44,8 @@ class Figure:
     def to_json(self) -> dict[str, float | int]:
         return asdict(self)
 
-
-def interval(values: FloatArray) -> tuple[float, float]:
-    """The 95 % interval of the mean, by resampling with a generator of its own: the same values, the same interval."""
-    blocks = values
-    if len(values) > BLOCKS:
-        whole = len(values) // BLOCKS * BLOCKS
-        blocks = values[:whole].reshape(BLOCKS, -1).mean(axis=1)
-    rng = np.random.default_rng(len(values))
-    means = np.empty(RESAMPLES)
-    for at in range(RESAMPLES):
-        means[at] = blocks[rng.integers(0, len(blocks), len(blocks))].mean()
-    low, high = np.percentile(means, [LOW, HIGH])
-    return float(low), float(high)
+    def __str__(self) -> str:
+        return f"{self.mean:.4g} ({self.low:.4g} to {self.high:.4g})"
 
 
 def figure(values: FloatArray, index: np.ndarray[Any, np.dtype[np.int64]]) -> Figure | None:  # Any: of any shape
@@ -68,7 +54,7 @@ def figure(values: FloatArray, index: np.ndarray[Any, np.dtype[np.int64]]) -> Fi
     if not known.any():
         return None
     kept = values[known]
-    low, high = interval(kept)
+    low, high = intervals.of_mean(kept)
     p05, median, p95 = (float(one) for one in np.percentile(kept, [5, 50, 95]))
     worst = int(index[known][np.argmax(kept)])
     spread = float(np.std(kept, ddof=1)) if len(kept) > 1 else 0.0
@@ -102,6 +88,31 @@ def worst(results: Results, metric: str) -> list[tuple[int, int, float]]:
         for place in order
         if np.isfinite(values[place])
     ]
+
+
+@dataclass(frozen=True)
+class Point:
+    """The runs of one combination of the factors. values: of the factors, by name, as texts."""
+
+    values: Mapping[str, str]
+    figures: Mapping[str, Figure]
+
+    def to_json(self) -> dict[str, object]:
+        return {"values": dict(self.values), "metrics": to_json(self.figures)}
+
+
+def points(results: Results) -> list[Point]:
+    """Every combination of the factors that runs have, in the order of its first run."""
+    texts = {name: [_text(one) for one in column] for name, column in results.values.items()}
+    places: dict[tuple[str, ...], list[int]] = {}
+    for place, combination in enumerate(zip(*texts.values(), strict=True)):
+        places.setdefault(combination, []).append(place)
+    found = []
+    for combination, of in places.items():
+        each = {name: figure(values[of], results.index[of]) for name, values in results.metrics.items()}
+        known = {name: one for name, one in each.items() if one is not None}
+        found.append(Point(dict(zip(texts, combination, strict=True)), known))
+    return found
 
 
 @dataclass(frozen=True)
@@ -174,13 +185,16 @@ def _levels(settings: Sequence[Any]) -> tuple[np.ndarray[Any, np.dtype[np.int64]
         edges = np.quantile(numbers, np.linspace(0.0, 1.0, BINS + 1))
         level = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, BINS - 1)
         return level.astype(np.int64), [f"{a:.3g} to {b:.3g}" for a, b in itertools.pairwise(edges)]
-    texts = [
-        f"{one:g}" if isinstance(one, float) else ", ".join(one) or "none" if isinstance(one, list) else str(one)
-        for one in settings
-    ]
+    texts = [_text(one) for one in settings]
     names = list(dict.fromkeys(texts))
     places = {name: place for place, name in enumerate(names)}
     return np.array([places[text] for text in texts], np.int64), names
+
+
+def _text(value: Any) -> str:  # Any: of any type that a factor may have
+    if isinstance(value, list):
+        return ", ".join(value) or "none"
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def effects(results: Results, metrics: Sequence[str]) -> list[Effect]:

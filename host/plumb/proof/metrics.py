@@ -29,6 +29,12 @@ def two_sigma(variance_lsb: npt.ArrayLike, lsb: float) -> FloatArray:
     return np.asarray(2.0 * np.sqrt(np.maximum(np.asarray(variance_lsb, np.float64), 0.0) * lsb))
 
 
+def with_offset(two_sigma_deg: FloatArray, offset_g: float) -> FloatArray:
+    """A band of a tilt, widened by the accelerometer's offset, which no filter sees. offset_g: its standard deviation
+    over devices, in g; near level g is the tilt in rad."""
+    return np.asarray(np.hypot(two_sigma_deg, 2.0 * np.degrees(offset_g)), np.float64)
+
+
 def angle_rmse_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray) -> FloatArray:
     """Root mean square of the wrapped error over the window, (steps[, runs]) -> () or (runs,)."""
     error_deg = wrap_deg(estimate_deg[window] - truth_deg[window])
@@ -38,6 +44,29 @@ def angle_rmse_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: Bool
 def angle_max_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray) -> FloatArray:
     """Largest wrapped error over the window, (steps[, runs]) -> () or (runs,)."""
     return np.asarray(np.max(np.abs(wrap_deg(estimate_deg[window] - truth_deg[window])), axis=0))
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """mean: of the error over the window; spread: its standard deviation about the mean, deg. per_sigma: the spread
+    as a share of the standard deviation that the filter states itself, rms over the window."""
+
+    mean: float
+    spread: float
+    per_sigma: float
+
+    @classmethod
+    def of(
+        cls, estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray, variance_lsb: npt.ArrayLike, lsb: float
+    ) -> Consistency:
+        """variance_lsb: the filter's variance after each step; lsb: one of it in deg^2. All (steps,)."""
+        error_deg = wrap_deg(estimate_deg[window] - truth_deg[window])
+        variance = float(np.mean(np.asarray(variance_lsb)[window], dtype=np.float64)) * lsb
+        spread = float(np.std(error_deg))
+        return cls(float(np.mean(error_deg)), spread, spread / variance**0.5 if variance > 0.0 else float("nan"))
+
+    def to_metrics(self) -> dict[str, float | None]:
+        return {"angle_mean_deg": self.mean, "angle_spread_deg": self.spread, "spread_per_sigma": self.per_sigma}
 
 
 def accel_only_deg(accel_y_g: FloatArray, accel_z_g: FloatArray) -> FloatArray:

@@ -42,7 +42,7 @@ from plumb.proof.xy_plot import XyPlot
 
 __all__ = [
     "ESTIMATE", "SAMPLES_MAX", "SECOND", "SENSOR", "TRUTH", "TWO_SIGMA", "Line", "Plot", "Series", "Statement", "Table",
-    "error_and_band", "error_budget", "page", "plot_svg", "write_whole",
+    "error_and_band", "error_budget", "of_band", "page", "plot_svg", "write_whole",
 ]  # fmt: skip
 
 SAMPLES_MAX = 30_000
@@ -71,13 +71,24 @@ TWO_SIGMA = (
 )
 
 
-def error_and_band(time_s: Series, error_deg: Series, band_deg: Series) -> Plot:
-    """Panel of an estimate's error, and around 0 the band that the filter itself expects; both deg, (steps,)."""
+def of_band(offset_g: float) -> str:
+    """What the band of a tilt is. offset_g: the standard deviation of the accelerometer's offset that it includes, in
+    g."""
+    offset_deg = float(np.degrees(offset_g))
+    return (
+        f"{TWO_SIGMA} It includes the offset that is declared for the accelerometer, {1e3 * offset_g:.3g} mg or "
+        f"{offset_deg:.2f} deg (standard deviation over devices): a constant error of one device, which no filter sees."
+    )
+
+
+def error_and_band(time_s: Series, error_deg: Series, band_deg: Series, offset_g: float) -> Plot:
+    """Panel of an estimate's error, and around 0 the band that is expected: of the filter itself and of the
+    accelerometer's offset, in g; both deg, (steps,)."""
     lines = [
         Line("expected: 0 ± 2 sigma", np.zeros(len(error_deg)), ESTIMATE, 0.8, band_deg),
         Line("estimate - truth", error_deg, SECOND),
     ]
-    return Plot("Error of the estimate", "deg", time_s, lines, TWO_SIGMA)
+    return Plot("Error of the estimate", "deg", time_s, lines, of_band(offset_g))
 
 
 @dataclass(frozen=True)

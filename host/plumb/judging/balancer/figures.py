@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import native_core
+from plumb.boards import native_core, native_plant
 from plumb.judging.balancer import loops
 from plumb.judging.balancer.plots import DUTY, RATE_DPS, TURN_DEG
 from plumb.proof import loop_figures, metrics
-from plumb.proof.figures import UNASKED, Figure, Sense
+from plumb.proof.figures import FLOAT_SEEDS, UNASKED, Figure, Sense, paired
 from plumb.proof.limits import Limit, Limits
 from plumb.proof.loop_figures import LeastMargins
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
@@ -27,7 +28,7 @@ from plumb.systems import run_reference, scoring
 from plumb.systems.balancer import reference as reference_balancer
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer import vehicle
-from plumb.systems.balancer.drawn_run import DPS_PER_G, GYRO, VELOCITY_UNIT
+from plumb.systems.balancer.drawn_run import DPS_PER_G, GYRO, VELOCITY_UNIT, Scenario
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.tuning import BalancerTuning
 from plumb.tuning import quantise
@@ -160,10 +161,10 @@ def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         yield Figure(
             "accelerometer only (the scenario's own figure)", name, "-", "deg rms", "near", alone_deg,
             float(np.mean(alone)), float(np.max(alone)),
-        )  # fmt: skip
+        ).over(alone)  # fmt: skip
         yield Figure(
             "raw rate of these seeds", name, "-", "deg/s rms", "beside", 0.0, float(np.mean(raw)), float(np.max(raw))
-        )
+        ).over(raw)
         tilt, rate = _estimate(batch, "tuned", "tilt error", "at most", reach_deg)
         yield tilt
         gain = 100.0 * (1.0 - tilt.reached / float(np.mean(alone)))
@@ -189,12 +190,12 @@ def _estimate(batch: Batch, tuning: str, claim: str, sense: Sense, reach_deg: fl
         Figure(
             claim, batch.name, tuning, "deg rms", sense, asked_deg, float(np.mean(tilt)), float(np.max(tilt)),
             float(np.mean(batch.tilt_rms(ideal["tilt_deg"]))), float(np.mean(accel)), float(np.mean(gyro)),
-        ),
+        ).over(tilt),
         Figure(
             "corrected rate", batch.name, tuning, "deg/s rms", rate_sense, asked_dps, float(np.mean(rate)),
             float(np.max(rate)), float(np.mean(batch.rate_rms(ideal["rate_corrected_dps"]))), None,
             float(np.mean(batch.rate_rms(batch.gyro_dps()))),
-        ),
+        ).over(rate),
     )  # fmt: skip
 
 
@@ -209,7 +210,7 @@ def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     yield Figure(
         "before the filter, largest error", "rocked", "-", "deg", "beside", 0.0, float(np.mean(before)),
         float(np.max(before)), source="+-10 deg",
-    )  # fmt: skip
+    ).over(before)  # fmt: skip
     for tuning in ("tuned", "paper_rule"):
         settings = balancer.TUNINGS[tuning]
         words = native_core.run_control(quantise.quantise(settings), batch.raw, batch.setpoint)
@@ -219,7 +220,7 @@ def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
             "after the filter, largest error", "rocked", tuning, "deg", "at most", ROCKED_MAX_DEG,
             float(np.mean(after)), float(np.max(after)), float(np.mean(ideal)), float(np.mean(before)),
             source="+-5 deg",
-        )  # fmt: skip
+        ).over(after)  # fmt: skip
 
 
 def closed_rows(seeds: Iterable[int]) -> Iterator[Figure]:
@@ -227,8 +228,8 @@ def closed_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     tuning, runs = balancer.TUNED, list(seeds)
     for name in ("rough", "smooth"):
         reach_deg = CLOSED_RMS_DEG[name]
-        ours = [balance(Integers(tuning), name, seed) for seed in runs]
-        ideal = [balance(Float64(tuning), name, seed) for seed in runs]
+        ours = [balanced(tuning, name, seed) for seed in runs]
+        ideal = [balance(Float64(tuning), name, seed) for seed in runs[:FLOAT_SEEDS]]
         yield from _balanced("closed loop, tilt error", name, reach_deg, ours, ideal)
         yield from following_rows(name, ours)
 
@@ -240,27 +241,27 @@ def following_rows(name: str, ours: list[Balanced]) -> Iterator[Figure]:
         (f"the same, {SETTLED_S:g} s after a command and later", "settled_rms_mps"),
     ):
         slips = [float(getattr(run, word)) for run in ours]
-        yield Figure(claim, name, "tuned", "m/s rms", "shown", 0.0, float(np.mean(slips)), max(slips))
+        row = Figure(claim, name, "tuned", "m/s rms", "shown", 0.0, float(np.mean(slips)), max(slips))
+        yield row.over(np.array(slips))
 
 
 def endured_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """Ten minutes of every seed, without float64, which the shorter runs cover."""
-    ours = [balance(Integers(balancer.TUNED), "endure", seed) for seed in seeds]
+    ours = [balanced(balancer.TUNED, "endure", seed) for seed in seeds]
     yield from _balanced("ten minutes, tilt error", "endure", CLOSED_RMS_DEG["endure"], ours, [])
 
 
 def _balanced(claim: str, name: str, reach_deg: float, ours: list[Balanced], ideal: list[Balanced]) -> Iterator[Figure]:
-    def column(values: list[float], of: Callable[[list[float]], float]) -> float | None:
-        return of(values) if values else None
-
     error, in_float = ([run.error_rms_deg for run in runs] for runs in (ours, ideal))
     yield Figure(
         claim, name, "tuned", "deg rms", "at most", reach_deg, float(np.mean(error)), max(error),
-        column(in_float, lambda values: float(np.mean(values))),
-    )  # fmt: skip
+        paired(error, in_float) if in_float else None,
+    ).over(np.array(error))  # fmt: skip
     leaned, in_float = ([run.tilt_max_deg for run in runs] for runs in (ours, ideal))
     claim = "stays up: largest tilt of any run"
-    yield Figure(claim, name, "tuned", "deg", "at most", STAYS_UP_DEG, max(leaned), max(leaned), column(in_float, max))
+    yield Figure(
+        claim, name, "tuned", "deg", "at most", STAYS_UP_DEG, max(leaned), max(leaned), max(in_float, default=None)
+    )
 
 
 class Integers:
@@ -321,19 +322,34 @@ def balance(controller: Integers | Float64, name: str, seed: int, seconds: float
         tilt_deg, duty = controller.step(plant.counts(time_s), setpoint[k])
         true = plant.truth(time_s)
         rows[k] = true["tilt_deg"], tilt_deg, true["velocity_mps"]
-    scored = scenario.scored
-    apart = metrics.wrap_deg(rows[:, 1] - rows[:, 0])[scored]
-    slip = rows[:, 2] - np.array(setpoint) / VELOCITY_UNIT
-    settled = scored & settled_since(np.array(setpoint), scenario.time_s)
+    return _judged(scenario, rows[:, 0], rows[:, 1], rows[:, 2])
+
+
+def balanced(tuning: BalancerTuning, name: str, seed: int) -> Balanced:
+    """The same with the integers and the plant in C, which gives the same counts."""
+    scenario = balancer.scenario(name, seed)
+    found = native_plant.closed_loop(scenario, quantise.quantise(tuning))
+    estimate_deg = np.asarray(found.words["tilt_turn_q32"] * TURN_DEG)
+    return _judged(scenario, found.truth["tilt_deg"], estimate_deg, found.truth["velocity_mps"])
+
+
+def _judged(scenario: Scenario, true_deg: FloatArray, estimate_deg: FloatArray, velocity_mps: FloatArray) -> Balanced:
+    scored, setpoint = scenario.scored, scenario.setpoint()
+    apart = metrics.wrap_deg(estimate_deg - true_deg)[scored]
+    slip = velocity_mps - setpoint / VELOCITY_UNIT
+    settled = scored & settled_since(setpoint, scenario.time_s)
     return Balanced(
         float(np.sqrt(np.mean(apart**2))),
-        float(np.max(np.abs(rows[:, 0]))),
+        float(np.max(np.abs(true_deg))),
         float(np.sqrt(np.mean(slip[scored] ** 2))),
         float(np.sqrt(np.mean(slip[settled] ** 2))) if settled.any() else float("nan"),
     )
 
 
-def settled_since(setpoint: npt.NDArray[np.int_], time_s: FloatArray) -> npt.NDArray[np.bool_]:
+def settled_since(
+    setpoint: npt.NDArray[np.integer[Any]],  # Any: of any width
+    time_s: FloatArray,
+) -> npt.NDArray[np.bool_]:
     """The samples at least SETTLED_S behind the last change of the setpoint, (steps,)."""
     changed = np.flatnonzero(np.diff(setpoint, prepend=setpoint[:1]))
     last = np.searchsorted(changed, np.arange(len(setpoint)), side="right") - 1

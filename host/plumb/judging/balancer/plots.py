@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.proof import metrics as measures
-from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_and_band, error_budget
+from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_and_band, error_budget, of_band
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
+from plumb.systems.balancer.scenarios import OFFSET_G
 
 Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 
@@ -44,6 +45,7 @@ def metrics(run: Run) -> dict[str, float | None]:
         return float(measures.angle_rmse_deg(values, truth["tilt_deg"], scored)) if scored.any() else None
 
     tilt = estimate_deg(run)
+    known = scored.any() and np.isfinite(truth["tilt_deg"][scored]).all()
     apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
     return {
         "angle_rmse_deg": angle_rms(tilt),
@@ -55,6 +57,11 @@ def metrics(run: Run) -> dict[str, float | None]:
         "velocity_rmse_mps": rms(run.inputs.setpoint * VELOCITY_MPS, truth["velocity_mps"]),
         "tilt_max_deg": float(np.max(np.abs(truth["tilt_deg"]))),
         "fallen_steps": float(np.count_nonzero(words["flags"] & FLAG_FALLEN)),
+        **(
+            measures.Consistency.of(tilt, truth["tilt_deg"], scored, words["p00"], run.params.lsb_deg2).to_metrics()
+            if known
+            else {}
+        ),
     }
 
 
@@ -62,7 +69,7 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
     """Tilt, its error, rate, bias, velocity, duty, and fixed point against float64."""
     time_s, words, truth = run.inputs.time_s, run.board_words, run.inputs.truth
     apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
-    band = measures.two_sigma(words["p00"], run.params.lsb_deg2)
+    band = measures.with_offset(measures.two_sigma(words["p00"], run.params.lsb_deg2), OFFSET_G)
     tilt = [
         Line("accelerometer only", accel_only_deg(run), SENSOR, 0.7),
         Line("true", truth["tilt_deg"], TRUTH, 1.6),
@@ -72,8 +79,8 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
         tilt.insert(1, Line("lean asked for", words["lean_turn_q32"] * TURN_DEG, SECOND))
     error = measures.wrap_deg(estimate_deg(run) - truth["tilt_deg"])
     return [
-        Plot("Tilt", "deg", time_s, tilt),
-        error_and_band(time_s, error, band),
+        Plot("Tilt", "deg", time_s, tilt, of_band(OFFSET_G)),
+        error_and_band(time_s, error, band, OFFSET_G),
         Plot(
             "Rate",
             "deg/s",

@@ -168,7 +168,7 @@ def general_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     yield Figure(
         "accelerometer only (the scenario's own figure)", "general", "-", "deg rms", "near", 8.3,
         float(np.mean(alone)), float(np.max(alone)),
-    )  # fmt: skip
+    ).over(alone)  # fmt: skip
     drift, body = (batch.error_deg(found)[-1] for found in (batch.euler_rates_only(), batch.axis_rates_only()))
     yield _drift("raw drift in 200 s, Euler rates", "general", drift, sense="beside", source="28.6, 34.4 deg")
     yield _drift("raw drift in 200 s, body rates", "general", body)
@@ -204,7 +204,7 @@ def blended_rows(seeds: Iterable[int]) -> Iterator[Figure]:
             yield Figure(
                 f"{claim}, share of raw drift", name, constant, "%", "shown", 0.0, reached, float(np.max(share)),
                 reached,
-            )  # fmt: skip
+            ).over(share)  # fmt: skip
 
 
 def static_rows(seeds: Iterable[int]) -> Iterator[Figure]:
@@ -246,7 +246,7 @@ def turns_rows(seeds: Iterable[int]) -> Iterator[Figure]:
             yield Figure(
                 f"{called}, largest error of {axis}", "turns", name, "deg", honest, 0.0, float(np.mean(most)),
                 float(np.max(most)), float(np.mean(ideal)), float(np.mean(alone)), float(np.mean(gyro)),
-            )  # fmt: skip
+            ).over(most)  # fmt: skip
         yield _quieter(batch, name, found[0], "at least", 70.0, QUIETER)
 
 
@@ -256,7 +256,8 @@ def _drift(
     """Of the gyro alone, at the end. near_deg: the source's, where the scenario is its experiment."""
     if near_deg:
         sense, source = "near", f"{near_deg:g} deg"
-    return Figure(claim, scenario, "-", "deg", sense, near_deg, float(np.mean(deg)), float(np.max(deg)), source=source)
+    row = Figure(claim, scenario, "-", "deg", sense, near_deg, float(np.mean(deg)), float(np.max(deg)), source=source)
+    return row.over(deg)
 
 
 def _share(
@@ -266,7 +267,8 @@ def _share(
     """found: error of every run, deg, of the integers, float64, accelerometer alone, gyro alone; in % of of_deg."""
     reached, ideal, accel, gyro = (100.0 / of_deg * float(np.mean(error)) for error in found)
     worst = 100.0 / of_deg * float(np.max(found[0]))
-    return Figure(claim, batch.runs[0].name, name, "%", sense, reach, reached, worst, ideal, accel, gyro, source)
+    row = Figure(claim, batch.runs[0].name, name, "%", sense, reach, reached, worst, ideal, accel, gyro, source)
+    return row.over(100.0 / of_deg * found[0])
 
 
 def _mean_abs(batch: Batch, angles: Angles) -> FloatArray:
@@ -280,7 +282,7 @@ def _quieter(batch: Batch, name: str, angles: Angles, sense: Sense, reach: float
     less = 100.0 * (1.0 - batch.step_noise(phone.up(*angles)) / batch.step_noise(batch.force_g))
     claim = f"{NAMED[name]}, step noise, below accelerometer"
     mean, worst = float(np.mean(less)), float(np.min(less))
-    return Figure(claim, batch.runs[0].name, name, "%", sense, reach, mean, worst, source=source)
+    return Figure(claim, batch.runs[0].name, name, "%", sense, reach, mean, worst, source=source).over(less)
 
 
 SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from plumb.proof import metrics as measures
-from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, TWO_SIGMA, Line, Plot, error_budget
+from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget, of_band
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
-from plumb.systems.phone.scenarios import inclination_deg, up
+from plumb.systems.phone.scenarios import G_MPS2, OFFSET_MPS2, inclination_deg, up
 
 TURN_DEG = 360.0 / 2.0**32
 """Degrees per unit of a binary angle."""
@@ -72,8 +72,9 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
         lines = [Line("accelerometer only", run.words[f"{axis}_measured_turn_q32"] * TURN_DEG, SENSOR, 0.7)]
         lines += [Line("true", run.inputs.truth[f"{axis}_deg"], TRUTH, 1.6)] if known else []
         band = measures.two_sigma(run.board_words[f"{axis}_p00"], run.params.lsb_deg2)
+        band = measures.with_offset(band, OFFSET_MPS2 / G_MPS2)
         lines.append(Line("estimate ± 2 sigma", estimate_deg(run, axis), ESTIMATE, band=band))
-        found.append(Plot(axis.capitalize(), "deg", time_s, lines, TWO_SIGMA))
+        found.append(Plot(axis.capitalize(), "deg", time_s, lines, of_band(OFFSET_MPS2 / G_MPS2)))
     if known:
         lines = [
             Line("accelerometer only", accel_error_deg(run), SENSOR, 0.7),

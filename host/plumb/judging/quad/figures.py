@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import native_core
+from plumb.boards import native_core, native_plant
 from plumb.judging.quad import loops
 from plumb.judging.quad import plots as quad_plots
 from plumb.kernels.reference.blending import complementary_step, weighted_average
 from plumb.physics.sensors import ADC_NOISE_LSB, Mma7260
 from plumb.proof import loop_figures, metrics
-from plumb.proof.figures import Figure, Sense
+from plumb.proof.figures import FLOAT_SEEDS, Figure, Sense, paired
 from plumb.proof.limits import Limit
 from plumb.proof.loop_figures import LeastMargins
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
@@ -29,11 +30,13 @@ from plumb.systems.quad import lateral
 from plumb.systems.quad import plant as quad_plant
 from plumb.systems.quad import reference as reference_quad
 from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.drawn_run import Scenario
 from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning import quantise
+from plumb.tuning.quantise import ControlParams
 
-HEADLINE = ("tilt error", "motion", "adaptive")
+HEADLINE = ("tilt error", "motion", "trapezium")
 PLOTTED_SEED = 1000
 
 ASSUMED = (
@@ -42,8 +45,9 @@ ASSUMED = (
     f" {quad.DRIFT_TAU_S:g} s, walk {quad.WALK_DPS_PER_RTS} deg/s/sqrt(s), scale {100 * quad.SCALE_ERROR:g} %;",
     f"accelerometer offset {1e3 * quad.OFFSET_G:g} mg, vibration {lateral.VIBRATION_G} g at 2-12 Hz, {quad.BURSTS}"
     f" bursts of {lateral.BURST_G} g; ADC noise {ADC_NOISE_LSB} LSB. Gyro only: bias taken from the first 3 s.",
-    "quiet: the accelerometer's offset is the largest part of what the tunings for quiet leave. `adaptive` trusts the"
-    " gyro for seconds, and the printed U, the gyro's previous sample, is half a period late; `trapezium` undoes that.",
+    "quiet: the accelerometer's offset is the largest part of what the tunings for quiet leave: it is the mean error of"
+    " a run. `adaptive` trusts the gyro for seconds, and the printed U, the gyro's previous sample, is half a period"
+    " late; `trapezium` undoes that.",
     "Complementary filter and weighted average, which the firmware does not have: float64, constants fitted on seeds"
     " 0-19 of the scenario; the gyro as in gyro only.",
     f"Hold: inertia {quad_plant.INERTIA_KGM2} kg m^2, arm {quad_plant.ARM_M} m, thrust {quad_plant.THRUST_N:g} N,"
@@ -59,10 +63,14 @@ LATE_MS, LATE_MAX_DEG = 20.0, 10.0
 BLENDED = {"motion": (0.4, 0.001), "quiet": (0.08, 0.001)}
 """Scenario -> time constant of the complementary filter in s, weight of the gyro in the weighted average; fitted on
 seeds 0-19."""
+CONSISTENT = (0.5, 1.4)
+"""Spread of the error about its mean, in the filter's own sigma, of a tuning whose variance can be believed."""
 
 LIMITS = {
     ("motion", "adaptive", "open"): (Limit("angle_rmse_deg", "at most", 0.60, "deg"),),
     ("quiet", "adaptive", "open"): (Limit("angle_rmse_deg", "at most", 0.40, "deg"),),
+    ("motion", "trapezium", "open"): (Limit("angle_rmse_deg", "at most", 0.60, "deg"),),
+    ("quiet", "trapezium", "open"): (Limit("angle_rmse_deg", "at most", 0.40, "deg"),),
     ("quiet", "quiet", "open"): (Limit("angle_rmse_deg", "at most", 0.33, "deg"),),
 }
 
@@ -128,15 +136,6 @@ def integers(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
     return Estimate(np.asarray(360.0 * tilt_turn, np.float64), np.asarray(360.0 * bias_turnps, np.float64))
 
 
-def trapezium(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
-    """`float64` with U the mean of the last two gyro samples: the rate over the step, where the previous sample, as the
-    source prints it, is half a period late."""
-    counts = raw.astype(np.float64)
-    counts[1:, 0] = (counts[1:, 0] + counts[:-1, 0]) / 2.0
-    words = run_reference.run_control(replace(tuning, kalman=replace(tuning.kalman, rate="current")), counts)
-    return Estimate(words["tilt_deg"], words["bias_dps"])
-
-
 def complementary_deg(batch: Batch, tau_s: float) -> FloatArray:
     """Tilt of the complementary filter from the true start, (steps, runs); the bias is the mean of the first 3 s."""
     rate_dps, period_s = batch.engineering()[0], quad.PERIOD_US * 1e-6
@@ -161,7 +160,7 @@ def blended_rows(seeds: Iterable[int]) -> Iterator[Figure]:
             yield Figure(
                 claim, name, constant, "deg rms", "shown", 0.0, reached, float(np.max(error)), reached,
                 float(np.mean(batch.rmse_deg(accel_deg))), float(np.mean(batch.rmse_deg(gyro_deg))),
-            )  # fmt: skip
+            ).over(error)  # fmt: skip
 
 
 def estimator_rows(seeds: Iterable[int]) -> Iterator[Figure]:
@@ -172,28 +171,47 @@ def estimator_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     yield Figure(
         "accelerometer only (the scenario's own figure)", "motion", "-", "deg rms", "near", 2.40,
         float(np.mean(alone)), float(np.max(alone)),
-    )  # fmt: skip
+    ).over(alone)  # fmt: skip
     yield _tilt_error("paper's constants (the scenario's own figure)", motion, "paper", "near", 1.87)
     yield _tilt_error("paper's constants and its arcsine", motion, "paper_arcsine", "shown", 0.0)
     yield _tilt_error("best constant R", motion, "constant", "shown", 0.0)
-    error = _tilt_error("tilt error", motion, "adaptive", "at most", most["motion", "adaptive"])
+    error = _tilt_error("tilt error", motion, "trapezium", "at most", most["motion", "trapezium"])
     yield error
     gain = 100.0 * (1.0 - error.reached / float(np.mean(alone)))
-    yield Figure("below accelerometer only", "motion", "adaptive", "%", "at least", 75.0, gain)
-    yield _tilt_error("tilt error, the same parameters", quiet, "adaptive", "at most", most["quiet", "adaptive"])
+    yield Figure("below accelerometer only", "motion", "trapezium", "%", "at least", 75.0, gain)
+    yield _tilt_error("tilt error, the same parameters", quiet, "trapezium", "at most", most["quiet", "trapezium"])
+    for batch in (motion, quiet):
+        claim = "tilt error, U as printed"
+        yield _tilt_error(claim, batch, "adaptive", "at most", most[batch.name, "adaptive"])
     yield _tilt_error("tilt error, tuned for quiet", quiet, "quiet", "at most", most["quiet", "quiet"])
     yield _tilt_error("tilt error, fitted for quiet", quiet, "quiet_fitted", "beside", 0.0)
     yield _tilt_error("paper's constants", quiet, "paper", "beside", 0.0)
     yield _tilt_error("the paper's Q, its own R, a fast start", quiet, "fast_start", "beside", 0.0)
-    for batch in (motion, quiet):
-        error_deg = batch.rmse_deg(trapezium(quad.ADAPTIVE, batch.raw).tilt_deg)
-        reached = float(np.mean(error_deg))
-        yield Figure(
-            "tilt error, U by the trapezium, float64", batch.name, "adaptive, trapezium", "deg rms", "shown", 0.0,
-            reached, float(np.max(error_deg)), reached,
-        )  # fmt: skip
     for tuning in ("quiet_fitted", "fast_start"):
         yield _tilt_error("the same on motion", motion, tuning, "shown", 0.0)
+    for batch, tuning in ((motion, "adaptive"), (motion, "trapezium"), (quiet, "trapezium"), (quiet, "quiet")):
+        yield from _consistency(batch, tuning, "at most" if tuning == "trapezium" else "shown")
+
+
+def _consistency(batch: Batch, tuning: str, sense: Sense) -> Iterator[Figure]:
+    """Mean and spread of a run's error apart, and the spread beside the sigma that the filter states."""
+    settings = quad.TUNINGS[tuning]
+    params, window = quantise.quantise(settings), scoring.scored(batch.time_s)
+    words = native_core.run_control(params, batch.raw, np.zeros((batch.raw.shape[0], batch.raw.shape[2]), np.int32))
+    tilt_deg = np.asarray(words["tilt_turn_q32"] * quad_plots.TURN_DEG, np.float64)
+    runs = [
+        metrics.Consistency.of(tilt_deg[:, run], batch.tilt_deg[:, run], window, words["p00"][:, run], params.lsb_deg2)
+        for run in range(tilt_deg.shape[1])
+    ]
+    for claim, unit, asked, reach, values in (
+        ("mean error of a run, its size", "deg", "shown", 0.0, [abs(run.mean) for run in runs]),
+        ("spread about that mean", "deg, sd", "shown", 0.0, [run.spread for run in runs]),
+        ("spread, of the filter's own sigma", "times", sense, CONSISTENT[1], [run.per_sigma for run in runs]),
+    ):
+        yield Figure(
+            claim, batch.name, tuning, unit, cast(Sense, asked), 0.0 if asked == "shown" else reach,
+            float(np.mean(values)), max(values),
+        ).over(np.array(values))  # fmt: skip
 
 
 def _tilt_error(claim: str, batch: Batch, tuning: str, sense: Sense, reach: float) -> Figure:
@@ -211,7 +229,7 @@ def _tilt_error(claim: str, batch: Batch, tuning: str, sense: Sense, reach: floa
         reference=float(np.mean(batch.rmse_deg(float64(settings, batch.raw).tilt_deg))),
         accel_only=float(np.mean(batch.rmse_deg(batch.accel_only_deg()))),
         gyro_only=float(np.mean(batch.rmse_deg(batch.gyro_only_deg()))),
-    )
+    ).over(error)
 
 
 def convergence_rows(seeds: Iterable[int]) -> Iterator[Figure]:
@@ -222,6 +240,7 @@ def convergence_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         ("bias within 1 deg/s, only its start-up mode changed", "paper, fast", "shown", 0.0),
         ("bias within 1 deg/s", "fast_start", "at most", 0.5),
         ("bias within 1 deg/s", "adaptive", "at most", 0.5),
+        ("bias within 1 deg/s", "trapezium", "at most", 0.5),
     )
     for claim, tuning, sense, reach in claims:
         base, _, start = tuning.partition(", ")
@@ -237,21 +256,13 @@ def convergence_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         )
     after = max(run.angle_max_deg for run in ours)
     after_ideal = max(run.angle_max_deg for run in ideal)
-    yield Figure("angle from then on", "converge", "adaptive", "deg max", "at most", 2.0, after, after, after_ideal)
+    yield Figure("angle from then on", "converge", "trapezium", "deg max", "at most", 2.0, after, after, after_ideal)
 
 
 def _converged(batch: Batch, estimate: Estimate) -> list[metrics.Convergence]:
     bias, tilt = estimate.bias_dps - batch.bias_dps, estimate.tilt_deg - batch.tilt_deg
     period_s = quad.PERIOD_US * 1e-6
     return [metrics.convergence(bias[:, run], tilt[:, run], period_s) for run in range(bias.shape[1])]
-
-
-class Integers(native_core.Controller):
-    """The C integers, from counts to pulses in us."""
-
-    def pulses_us(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
-        words = self.step(raw, setpoint)
-        return words["pulse_halfus_0"] / 2.0, words["pulse_halfus_1"] / 2.0
 
 
 class Float64:
@@ -276,10 +287,10 @@ class Float64:
 def hold_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """`hold`: closed loop on the estimate, with the integers (and once with float64), scored on the true tilt."""
     tuning = quad.HOLD
-    seeds = list(seeds)
-    ours = [hold_run(Integers(quantise.quantise(tuning)), seed) for seed in seeds]
-    ideal = [hold_run(Float64(tuning), seed) for seed in seeds]
-    late = [hold_run(Integers(quantise.quantise(tuning)), seed, LATE_MS) for seed in seeds]
+    seeds, params = list(seeds), quantise.quantise(tuning)
+    ours = [held(params, seed) for seed in seeds]
+    ideal = [hold_run(Float64(tuning), seed) for seed in seeds[:FLOAT_SEEDS]]
+    late = [held(params, seed, LATE_MS) for seed in seeds]
     for claim, unit, reach, name, runs, in_float in (
         ("20 deg disturbance, back within 2 deg", "s", 2.0, "recovery_s", ours, ideal),
         ("holds, from 2 s after", "deg rms", 1.0, "rms_deg", ours, ideal),
@@ -287,13 +298,20 @@ def hold_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         (f"largest tilt with {LATE_MS:g} ms of further delay", "deg max", LATE_MAX_DEG, "max_deg", late, None),
     ):
         values = [float(getattr(run, name)) for run in runs]
-        floats = None if in_float is None else float(np.mean([float(getattr(run, name)) for run in in_float]))
-        yield Figure(claim, "hold", "hold", unit, "at most", reach, float(np.mean(values)), max(values), floats)
+        floats = None if in_float is None else paired(values, [float(getattr(run, name)) for run in in_float])
+        row = Figure(claim, "hold", "hold", unit, "at most", reach, float(np.mean(values)), max(values), floats)
+        yield row.over(np.array(values))
 
 
-def hold_run(controller: Integers | Float64, seed: int, delay_ms: float = 0.0) -> metrics.Hold:
-    """One closed loop on this machine: the plant's counts in, the pulses of the same step out."""
+def held(params: ControlParams, seed: int, delay_ms: float = 0.0) -> metrics.Hold:
+    """One closed loop of the integers."""
     scenario = quad.scenario("hold", seed, delay_ms=delay_ms)
+    return _hold(scenario, native_plant.closed_loop(scenario, params).truth["tilt_deg"])
+
+
+def hold_run(controller: Float64, seed: int) -> metrics.Hold:
+    """One closed loop in float64: the plant's counts in, the pulses of the same step out."""
+    scenario = quad.scenario("hold", seed)
     plant = QuadPlant(scenario)
     tilt_deg = np.empty(scenario.steps)
     pulse_us = (quad.ADAPTIVE.esc.mid_us, quad.ADAPTIVE.esc.mid_us)
@@ -301,6 +319,10 @@ def hold_run(controller: Integers | Float64, seed: int, delay_ms: float = 0.0) -
         plant.advance_to(time_s, pulse_us)
         pulse_us = controller.pulses_us(plant.counts(time_s), plant.setpoint(time_s))
         tilt_deg[k] = plant.tilt_deg
+    return _hold(scenario, tilt_deg)
+
+
+def _hold(scenario: Scenario, tilt_deg: FloatArray) -> metrics.Hold:
     return metrics.hold(scenario.time_s, tilt_deg, np.zeros(scenario.steps), quad.HOLD_RELEASE_S)
 
 
@@ -317,7 +339,7 @@ def bandwidth_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     for bandwidth_hz in quad.BANDWIDTHS_HZ:
         batch = Batch.of("motion", seeds, bandwidth_hz)
         noise_mg = 1e3 * Mma7260(bandwidth_hz).noise_g
-        yield _tilt_error(f"low-pass {bandwidth_hz:.0f} Hz, {noise_mg:.1f} mg", batch, "adaptive", "at most", 0.60)
+        yield _tilt_error(f"low-pass {bandwidth_hz:.0f} Hz, {noise_mg:.1f} mg", batch, "trapezium", "at most", 0.60)
 
 
 def disturbed(tuning: str) -> tuple[Run, Plot, Plot]:
@@ -359,7 +381,7 @@ def figures_2_and_3() -> list[Plot]:
 
 def same_with_ours() -> list[Plot]:
     """The same motion and the same counts with the shipped tuning."""
-    _, tilt, bias = disturbed("adaptive")
+    _, tilt, bias = disturbed("trapezium")
     return [tilt, bias]
 
 
@@ -369,7 +391,7 @@ def starts() -> list[Plot]:
     cases = {
         "paper": quad.TUNINGS["paper"],
         "paper, start-up mode fast": replace(quad.TUNINGS["paper"], start=quad.STARTS["fast"]),
-        "adaptive (starts fast)": quad.TUNINGS["adaptive"],
+        "trapezium (starts fast)": quad.TUNINGS["trapezium"],
     }
     found = {label: integers(tuning, batch.raw) for label, tuning in cases.items()}
     early, colours = batch.time_s < 4.0, (SENSOR, SECOND, ESTIMATE)
@@ -385,7 +407,7 @@ def starts() -> list[Plot]:
 
 PLOTS: dict[str, Callable[[], list[Plot]]] = {
     "figures_2_and_3": figures_2_and_3,
-    "adaptive": same_with_ours,
+    "trapezium": same_with_ours,
     "starts": starts,
 }
 SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {

@@ -7,9 +7,21 @@ from collections.abc import Callable
 import numpy as np
 
 from plumb.proof import metrics as measures
-from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Series, error_and_band, error_budget
+from plumb.proof.report import (
+    ESTIMATE,
+    SECOND,
+    SENSOR,
+    TRUTH,
+    Line,
+    Plot,
+    Series,
+    error_and_band,
+    error_budget,
+    of_band,
+)
 from plumb.proof.runs import Run
 from plumb.spec.arrays import BoolArray, FloatArray
+from plumb.systems.quad.scenarios import OFFSET_G
 
 TURN_DEG = 360.0 / 2.0**32
 """Degrees per unit of a binary angle."""
@@ -30,8 +42,8 @@ def accel_only_deg(run: Run) -> FloatArray:
 
 
 def two_sigma_deg(run: Run) -> FloatArray:
-    """Twice the filter's own standard deviation of the tilt, (steps,)."""
-    return measures.two_sigma(run.board_words["p00"], run.params.lsb_deg2)
+    """Twice the standard deviation of the tilt, (steps,): the filter's own, and that of the accelerometer's offset."""
+    return measures.with_offset(measures.two_sigma(run.board_words["p00"], run.params.lsb_deg2), OFFSET_G)
 
 
 def metrics(run: Run) -> dict[str, float | None]:
@@ -49,7 +61,18 @@ def metrics(run: Run) -> dict[str, float | None]:
         "accel_only_rmse_deg": figure(measures.angle_rmse_deg, accel_only_deg(run)),
         "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
         "bias_settled_s": bias_settled_s(run),
+        **consistency(run, estimated_deg),
     }
+
+
+def consistency(run: Run, estimated_deg: FloatArray) -> dict[str, float | None]:
+    """Mean and spread of the error, and the spread beside the filter's own sigma; {} for a run without scored samples
+    or without truth."""
+    truth_deg, scored = run.inputs.truth["tilt_deg"], run.inputs.scored
+    if not scored.any() or not np.isfinite(truth_deg[scored]).all():
+        return {}
+    found = measures.Consistency.of(estimated_deg, truth_deg, scored, run.board_words["p00"], run.params.lsb_deg2)
+    return found.to_metrics()
 
 
 def bias_settled_s(run: Run) -> float | None:
@@ -77,7 +100,7 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
     band = two_sigma_deg(run)
     tilt.append(Line("estimate ± 2 sigma", estimate_deg(run), ESTIMATE, band=band))
     found = [
-        Plot("Tilt", "deg", time_s, tilt),
+        Plot("Tilt", "deg", time_s, tilt, of_band(OFFSET_G)),
         Plot("Gyro bias", "deg/s", time_s, bias),
         Plot("Command of the PID", "1 = full", time_s, [Line("command", words["command_q22"] * COMMAND, ESTIMATE)]),
         Plot(
@@ -92,7 +115,7 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
         error_budget(time_s, apart),
     ]
     if np.isfinite(truth).any():
-        found.insert(1, error_and_band(time_s, error, band))
+        found.insert(1, error_and_band(time_s, error, band, OFFSET_G))
     return found
 
 

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from plumb.boards import native_core
 from plumb.judging.turntable import gyro as turntable_gyro
 from plumb.judging.turntable.plots import RATE_DPS, attitude, reference_attitude
+from plumb.proof import intervals
 from plumb.proof.figures import UNASKED, Figure, Sense
 from plumb.proof.limits import Limit
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot
@@ -170,11 +171,12 @@ def rows(
         100.0 * (1.0 - float(np.max(found.maximum / gyro.maximum))),
     )
     claims = (f"{PATENT_MEAN:g} %", f"{PATENT_MAX:g} %") if source else ("", "")
+    spans = (intervals.below(found.mean, gyro.mean), intervals.below(found.maximum, gyro.maximum))
     for i, kind in enumerate(("mean", "max")):
         yield Figure(
             f"{claim}, {kind}", name, tuning, "% below gyro", sense, reach[i], found.below(gyro)[i], worst[i],
             None if ideal is None else ideal[i], source=claims[i],
-        )  # fmt: skip
+        ).between(spans[i])  # fmt: skip
 
 
 def honest_rows(batch: Batch, name: str, lags: bool = True, sense: Sense = "shown") -> Iterator[Figure]:
@@ -182,7 +184,8 @@ def honest_rows(batch: Batch, name: str, lags: bool = True, sense: Sense = "show
     without lag has no compensated row."""
     for kind, alone in (("mean", batch.gyro.mean), ("max", batch.gyro.maximum)):
         claim = f"gyro alone, {kind}"
-        yield Figure(claim, name, "-", "deg", sense, 0.0, float(np.mean(alone)), float(np.max(alone)))
+        row = Figure(claim, name, "-", "deg", sense, 0.0, float(np.mean(alone)), float(np.max(alone)))
+        yield row.over(alone)
     if lags:
         yield from rows(
             "gyro alone, its known lag undone", batch.lag_undone(), batch.gyro, name, "-", sense, (0.0, 0.0)

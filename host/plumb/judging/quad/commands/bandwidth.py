@@ -36,7 +36,7 @@ def main(arguments: argparse.Namespace) -> int:
     if choice:
         print(bandwidth.describe(choice))
     if rows:
-        print(f"{'low-pass':>10} {'noise':>9} {'delay':>9} {'accelerometer':>16} {'adaptive':>12} {'worst':>9}")
+        print(f"{'low-pass':>10} {'noise':>9} {'delay':>9} {'accelerometer':>16} {'trapezium':>12} {'worst':>9}")
     for row in rows:
         print(
             f"{row['corner_hz']:>7g} Hz {row['noise_mg']:>6.2f} mg {row['delay_ms']:>6.2f} ms"
