@@ -38,6 +38,9 @@ PROMISED = {
     8: ("steps-stop", "loop-hangs"),
 }
 """Promise -> faults that hold it."""
+FOLLOWED = ("accel-turned-soon", 500)
+"""A row, and the period in us at which the filter, whose constants stay those of a step of 5 ms, follows a turned
+accelerometer before its check is over: security.md names it among the faults that are not detected."""
 SHORTEST_HALFUS = 2000
 """The shortest pulse that drives, in the shipped tables."""
 SENSOR_MS = 500.0
@@ -123,4 +126,5 @@ def test_a_sample_of_the_ends(changes: dict[str, int], names: tuple[str, ...]) -
 def test_every_end(system: str, scenario: str, changes: dict[str, int]) -> None:
     weakened = {number for row in parameters.table() if row.name in changes for number in row.weakens}
     names = [name for number in sorted(weakened) for name in PROMISED[number]]
-    assert failures(system, scenario, changes, table.chosen(names)) == {}
+    faults = [fault for fault in table.chosen(names) if (fault.name, changes.get("period_us")) != FOLLOWED]
+    assert failures(system, scenario, changes, faults) == {}
