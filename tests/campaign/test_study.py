@@ -107,3 +107,15 @@ def test_a_file_that_is_no_toml_is_one_sentence(tmp_path: Path) -> None:
     path.write_text("system = quad\n", encoding="utf-8")
     with pytest.raises(UsageError, match=r"broken.toml is no study: .*line 1"):
         study.read(path)
+
+
+def test_a_setting_that_is_a_name_is_varied_by_its_names() -> None:
+    study = from_table({"system": "quad", "runs": 4, "vary": {"tuning.kalman.rate": ["previous", "trapezium"]}})
+    rates = [study.request(index).tuning.kalman.rate for index in range(4)]  # type: ignore[union-attr]
+    assert rates == ["previous", "trapezium"] * 2
+    for vary, reason in (
+        ({"tuning.kalman.rate": [1, 2]}, "rate of the kalman .* is a name, not 1.0"),
+        ({"tuning.trust.r_deg2": ["large"]}, "r_deg2 of the trust .* is no name, not 'large'"),
+    ):
+        with pytest.raises(UsageError, match=reason):
+            from_table({"system": "quad", "vary": vary})

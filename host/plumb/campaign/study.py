@@ -98,7 +98,7 @@ class Study:
         """Run `index`, as `plumb run` would be asked for it."""
         values = self.values(index)
         conditions = dict(self.conditions)
-        settings: dict[str, float] = {}
+        settings: dict[str, float | str] = {}
         chosen: dict[str, Any] = {"scenario": self.scenario, "tuning": self.tuning, "start": self.start}  # Any: TOML
         faults: list[str] = list(self.faults)
         for name, value in values.items():
@@ -107,7 +107,7 @@ class Study:
             elif name.startswith(CONDITION):
                 conditions[name.removeprefix(CONDITION)] = _number(name, value)
             elif name.startswith(SETTING):
-                settings[name.removeprefix(SETTING)] = _number(name, value)
+                settings[name.removeprefix(SETTING)] = value if isinstance(value, str) else _number(name, value)
             else:
                 chosen[name] = value
         if settings:
@@ -154,9 +154,11 @@ def _number(name: str, value: Value) -> float:
     return value
 
 
-def tuning_with(system: str, scenario: str | None, tuning: str | None, settings: Mapping[str, float]) -> AnyTuning:
-    """A tuning of a system with other numbers at these paths, for example trust.r_deg2. Raises UsageError for a path
-    that it does not have."""
+def tuning_with(
+    system: str, scenario: str | None, tuning: str | None, settings: Mapping[str, float | str]
+) -> AnyTuning:
+    """A tuning of a system with other numbers or names at these paths, for example trust.r_deg2 or kalman.rate. Raises
+    UsageError for a path that it does not have."""
     from plumb.systems.contracts import tuning_for
 
     known = systems.load(system)
@@ -167,7 +169,12 @@ def tuning_with(system: str, scenario: str | None, tuning: str | None, settings:
     return found
 
 
-def _replaced(settings: Any, path: list[str], value: float, of: str) -> Any:  # Any: tunings are dataclasses of any kind
+def _replaced(
+    settings: Any,  # Any: tunings are dataclasses of any kind
+    path: list[str],
+    value: float | str,
+    of: str,
+) -> Any:  # Any: of the same kind
     names = [one.name for one in dataclasses.fields(settings)] if dataclasses.is_dataclass(settings) else []
     if path[0] not in names:
         has = ", ".join(names) or "no part"
@@ -175,6 +182,11 @@ def _replaced(settings: Any, path: list[str], value: float, of: str) -> Any:  # 
     now = getattr(settings, path[0])
     if len(path) > 1:
         return dataclasses.replace(settings, **{path[0]: _replaced(now, path[1:], value, f"{path[0]} of the {of}")})
+    if isinstance(now, str) or isinstance(value, str):
+        if type(now) is not type(value):
+            wanted = "a name" if isinstance(now, str) else "no name"
+            raise UsageError(f"{path[0]} of the {of} is {wanted}, not {value!r}")
+        return dataclasses.replace(settings, **{path[0]: value})
     if not isinstance(now, int | float) or isinstance(now, bool):
         raise UsageError(f"{path[0]} of the {of} is no number")
     return dataclasses.replace(settings, **{path[0]: type(now)(value)})
