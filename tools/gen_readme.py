@@ -3,9 +3,9 @@ commands named there.
 
 usage: .venv/bin/python tools/gen_readme.py [--check] [demo|python|systems|headlines|bench|study ...]
 
-`systems` computes every figure once: docs/systems/index.md gets `plumb systems --table --short`, docs/systems/SYSTEM.md
-the whole table of its system, README.md one row of each (`headlines`). docs/explanation/cost.md gets `bench`,
-docs/systems/quad.md the combinations of the study of its default (`study`).
+`systems` computes every figure once, by the command that docs/systems/SYSTEM.md names: its page gets the whole table,
+docs/systems/index.md the short ones (`plumb systems --table --short`), README.md one row of each (`headlines`).
+docs/explanation/cost.md gets `bench`, docs/systems/quad.md the combinations of the study of its default (`study`).
 Needs the image, the native core and QEMU (`make image native`).
 --check writes nothing and exits 1 when a block differs. Rates depend on the machine and stay out.
 """
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 from functools import cache
@@ -40,18 +41,19 @@ print(f"tilt {estimate.tilt_rad[-1]:.3f} rad; bit-exact on the flash image: {res
 COMMANDS = {
     "demo": ["-m", "plumb", "demo", "--out", "out/demo"],
     "python": ["-c", EXAMPLE],
-    "systems": ["-m", "plumb", "systems", "--table", "--json"],
     "bench": ["-m", "plumb", "bench"],
     "study": ["-m", "plumb", "campaign", "examples/studies/quad_default.toml"],
 }
-NAMES = [*COMMANDS, "headlines"]
+NAMES = [*COMMANDS, "systems", "headlines"]
+TABLE = re.compile(r"`plumb (systems --table --system \w+(?: --seeds \d+)?)` prints this table")
 MACHINE_DEPENDENT = ("native Kalman steps:", "link frames parsed:")
 
 
 @cache
 def answer(name: str) -> str:
-    """The output of the command."""
-    done = subprocess.run([sys.executable, *COMMANDS[name]], cwd=ROOT, capture_output=True, text=True, check=False)
+    """The output of a command, by its name, or of the arguments of `plumb`."""
+    command = COMMANDS.get(name) or ["-m", "plumb", *name.split()]
+    done = subprocess.run([sys.executable, *command], cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1) or not done.stdout:
         raise SystemExit(f"{name}: {done.stderr.strip()}")
     return done.stdout
@@ -59,8 +61,13 @@ def answer(name: str) -> str:
 
 def rows() -> list[tuple[str, Figure]]:
     """Every figure, with the name of its system."""
-    found = json.loads(answer("systems"))["figures"]
-    return [(row.pop("system"), Figure(**{key: row[key] for key in row if key != "met"})) for row in found]
+    found = []
+    for system in SYSTEMS:
+        command = TABLE.search((ROOT / "docs/systems" / f"{system}.md").read_text(encoding="utf-8"))
+        if command is None:
+            raise SystemExit(f"docs/systems/{system}.md does not say which command prints its table")
+        found += json.loads(answer(f"{command[1]} --json"))["figures"]
+    return [(row["system"], Figure(**{key: row[key] for key in row if key not in ("system", "met")})) for row in found]
 
 
 def table(page: Path) -> str:
