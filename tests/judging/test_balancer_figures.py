@@ -232,3 +232,12 @@ def test_the_page_tells_the_figures_that_come_out(ridden: Rows) -> None:
     for tuning, rough, smooth in rows:
         for scenario, told in (("rough", rough), ("smooth", smooth)):
             assert told == f"{ridden['tilt error', scenario, tuning].reached:.3f}", (tuning, scenario)
+
+
+@pytest.mark.slow
+def test_the_complementary_filter_falls_short_of_the_kalman_filter() -> None:
+    """At its best constants, and with the same measured tilt."""
+    for row in balancer_figures.blended_rows(range(1000, 1004)):
+        batch = balancer_figures.Batch.of(row.scenario, range(1000, 1004))
+        tilt, _ = balancer_figures._estimate(batch, "tuned", "tilt error", "shown", 0.0)
+        assert tilt.reached < 0.7 * row.reached < 0.7

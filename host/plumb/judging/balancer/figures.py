@@ -17,6 +17,7 @@ import numpy.typing as npt
 from plumb.boards import native_core, native_plant
 from plumb.judging.balancer import loops
 from plumb.judging.balancer.plots import DUTY, RATE_DPS, TURN_DEG
+from plumb.kernels.reference.blending import complementary_step
 from plumb.proof import loop_figures, metrics
 from plumb.proof.figures import FLOAT_SEEDS, UNASKED, Figure, Sense, paired
 from plumb.proof.limits import Limit, Limits
@@ -74,6 +75,8 @@ ASSUMED = (
     " others do not, as the source does not. Gyro only: bias taken from the first 3 s.",
     f"Raw rate: the start bias decides, {expected_raw_dps()[0]:.2f} deg/s over all that can be drawn; the mean of 40"
     f" runs scatters by {expected_raw_dps()[1] / np.sqrt(40.0):.2f} about it (one standard deviation).",
+    "Complementary filter, which the firmware does not have: float64, its time constant fitted on seeds 0-19 of the"
+    " scenario; bias from the first 3 s, the axle's acceleration taken off the tilt.",
     f"rocked: held by hand, {balancer.VIBRATION_G['rocked']:g} g of vibration, which makes the source's +-10 deg.",
     "Margins: about upright, the wheels rolling; balance broken at the command of the bridge, the speed loop closed;"
     " speed at the lean that it asks for. Nothing was asked of them.",
@@ -87,6 +90,8 @@ LEAST_MARGINS = {"balance": LeastMargins(45.0, 5.0, 0.005), "speed": LeastMargin
 on one of 7.4 V), a motor of a quarter more torque and a body of a quarter less inertia, 1.77; these are assumed, as the
 vehicle is. Gain of the speed loop: the usual 6 dB. Delay: a command half a step late; for the speed, half a second."""
 ROCKED_MAX_DEG, STAYS_UP_DEG = 5.0, 20.0
+BLENDED_TAU_S = {"rough": 0.6, "smooth": 0.4}
+"""Scenario -> time constant of the complementary filter; fitted on seeds 0-19."""
 SETTLED_S = 5.0
 """A command counts as carried out, or not, so long after it."""
 LIMITS: Limits = {
@@ -197,6 +202,31 @@ def _estimate(batch: Batch, tuning: str, claim: str, sense: Sense, reach_deg: fl
             float(np.mean(batch.rate_rms(batch.gyro_dps()))),
         ).over(rate),
     )  # fmt: skip
+
+
+def complementary_deg(batch: Batch, measured_deg: FloatArray, tau_s: float) -> FloatArray:
+    """Tilt of the complementary filter from the true start, (steps, runs); the bias is the mean of the first 3 s."""
+    period_s, tilt_deg = balancer.PERIOD_US * 1e-6, batch.tilt_deg.copy()
+    rate_dps = batch.gyro_dps()
+    rate_dps = rate_dps - np.mean(rate_dps[: round(3.0 / period_s)], axis=0)
+    for k in range(1, len(tilt_deg)):
+        tilt_deg[k] = complementary_step(tilt_deg[k - 1], rate_dps[k - 1], measured_deg[k], period_s, tau_s)
+    return tilt_deg
+
+
+def blended_rows(seeds: Iterable[int]) -> Iterator[Figure]:
+    """The complementary filter at its best, on the tilt that `tuned` measures, the axle's acceleration taken off."""
+    for name, tau_s in BLENDED_TAU_S.items():
+        batch = Batch.of(name, seeds)
+        words = native_core.run_control(quantise.quantise(balancer.TUNED), batch.raw, batch.setpoint)
+        measured_deg = np.asarray(words["tilt_measured_turn_q32"] * TURN_DEG, np.float64)
+        error = batch.tilt_rms(complementary_deg(batch, measured_deg, tau_s))
+        reached = float(np.mean(error))
+        yield Figure(
+            "complementary filter, float64", name, f"tau {tau_s:g} s", "deg rms", "shown", 0.0, reached,
+            float(np.max(error)), reached, float(np.mean(batch.tilt_rms(batch.accel_only_deg()))),
+            float(np.mean(batch.tilt_rms(batch.gyro_only_deg()))),
+        ).over(error)  # fmt: skip
 
 
 def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
@@ -365,6 +395,7 @@ def loop_rows(_seeds: Iterable[int]) -> Iterator[Figure]:
 
 SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
     "open loop": open_rows,
+    "blended": blended_rows,
     "rocked": rocked_rows,
     "closed loop": closed_rows,
     "ten minutes": endured_rows,
