@@ -125,6 +125,7 @@ def test_what_is_missing_before_arming() -> None:
         ("rate_corrected_turnps_q28", round(-8 * DPS), MOVING),
         ("innovation_turn_q32", round(5 * DEG), CONVERGING),
         ("accel_z_g_q26", round(1.2 * G), MOVING),
+        ("accel_z_g_q26", round(0.8 * G), MOVING),
     ):
         rows = records(160)
         rows[name][60:90] = value
