@@ -45,9 +45,9 @@
 #define JUDGED               (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
 #define HALF_LIMIT_Q30       461708984 /* 0.43 rad: with coning below 1/2 */
 
-/* What a step computes of the covariance. Each measurement takes two slices; velocity x, y, and at rest bias
- * x, y, z. */
-enum { SLICE_NONE, SLICE_JUDGE, SLICE_TILT_X, SLICE_TILT_Y, SLICE_GROWTH, SLICE_MEASURE };
+/* What a step computes of the last block. Each measurement takes two slices; velocity x, y, and at rest bias
+ * x, y, z; the first one ends the growth, too. */
+enum { SLICE_NONE, SLICE_CORRECT, SLICE_JUDGE, SLICE_TILT_X, SLICE_TILT_Y, SLICE_MEASURE };
 
 typedef char attitude_assert_size[sizeof(plumb_attitude_t) <= 768U ? 1 : -1];
 
@@ -95,7 +95,6 @@ SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
     c->block_flags = PLUMB_ATTITUDE_FLAG_ALIGNING | PLUMB_ATTITUDE_FLAG_UNSURE;
     c->slice = SLICE_NONE;
     c->still_blocks = c->aligned_blocks = 0;
-    c->lost = false;
     c->travel_gs_q28[0] = c->travel_gs_q28[1] = 0;
     c->travel_excess_q24 = c->rise_g_q18 = 0;
     clear_sums(c);
@@ -146,7 +145,7 @@ SELDOM uint32_t align(plumb_quaternion_t *q, int32_t x, int32_t y, int32_t z, ui
     return half;
 }
 
-/* Square of the velocity that has lasted, g^2 s^2 Q24. */
+/* Square of the velocity, in flight of the difference from the measured one, that has lasted, g^2 s^2 Q24. */
 SELDOM int32_t travel_square(const plumb_attitude_t *c) {
     return mulhi_i32(c->travel_gs_q28[0], c->travel_gs_q28[0]) +
            mulhi_i32(c->travel_gs_q28[1], c->travel_gs_q28[1]);
@@ -160,77 +159,13 @@ static bool travels(const plumb_attitude_t *c) {
 
 /* The velocity that has lasted, beyond what the covariance explains and what a body has that stays: the body
  * travels. It is remembered for longer than it is seen, as a velocity that turns passes zero. */
-static int32_t travel_excess(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
-    for (unsigned i = 0; i < 2U; i++)
-        c->travel_gs_q28[i] +=
-            mulhi_near(c->words.velocity_gs_q28[i] - c->travel_gs_q28[i], p->travel_pass_q32);
+static int32_t travel_excess(const plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     const uint32_t explained_q30 = plumb_error_filter_variance(&c->errors, VELOCITY) +
                                    plumb_error_filter_variance(&c->errors, VELOCITY + 1);
     const int32_t excess = travel_square(c) - (int32_t)(explained_q30 >> 6) - p->travel_least_q24;
     const int32_t held =
         c->travel_excess_q24 - mulhi_near(c->travel_excess_q24, mulhi_i32(p->travel_pass_q32, HOLD_Q32)) - 1;
     return max_i32(max_i32(excess, held), 0);
-}
-
-/* What a block has shown of the velocity: how far it is trusted to be zero, and whether the attitude is
- * lost. Then a new start, or the first growth of the covariance. */
-SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
-    plumb_attitude_words_t *const w = &c->words;
-    int32_t square_q24 = 0;
-    for (unsigned i = 0; i < 2U; i++) {
-        const int32_t v = clamp_i32(w->velocity_gs_q28[i], -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28);
-        w->velocity_gs_q28[i] = c->airborne ? v : v - mulhi_near(v, p->leak_q32);
-        square_q24 += mulhi_i32(w->velocity_gs_q28[i], w->velocity_gs_q28[i]);
-    }
-    w->velocity_square_g2s2_q24 += mulhi_near(square_q24 - w->velocity_square_g2s2_q24, p->velocity_pass_q32);
-    c->travel_excess_q24 = c->airborne ? 0 : travel_excess(c, p);
-    const int64_t moving = asr64(mul_i64(w->velocity_square_g2s2_q24, p->velocity_share_q16), 14) +
-                           asr64(mul_i64(c->travel_excess_q24, p->travel_gain_q16), 14);
-    const int32_t room = SPEED_LIMIT_Q26 - p->speed_min;
-    w->velocity_variance_g2s2_q26 =
-        c->airborne ? (uint32_t)p->aid_variance
-                    : (uint32_t)p->speed_min + (uint32_t)(moving < room ? (int32_t)moving : room);
-
-    w->tilt_variance_rad2_q32 =
-        plumb_error_filter_variance(&c->errors, TILT) + plumb_error_filter_variance(&c->errors, TILT + 1);
-    const bool unsure = w->tilt_variance_rad2_q32 > p->unsure;
-    const bool accelerating = w->velocity_variance_g2s2_q26 > 4U * (uint32_t)p->speed_min;
-    c->block_flags = (c->block_flags & ~(uint32_t)JUDGED) | (unsure ? PLUMB_ATTITUDE_FLAG_UNSURE : 0U) |
-                     (accelerating ? PLUMB_ATTITUDE_FLAG_ACCELERATING : 0U);
-    const bool rests = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U;
-    if (c->lost || (rests && square_q24 > RESTING_SQUARE_Q24)) {
-        start(c, p);
-        c->block_flags |= PLUMB_ATTITUDE_FLAG_RESTARTED;
-    } else {
-        plumb_error_filter_grow_velocity(&c->errors);
-    }
-}
-
-/* What the last block has left to do, one slice a step. */
-__attribute__((noinline)) static void compute_slice(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
-    const unsigned slice = c->slice;
-    const unsigned measured = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U ? 5U : 2U;
-    const bool last = slice + 1U == SLICE_MEASURE + 2U * measured;
-    c->slice = (uint8_t)(last ? SLICE_NONE : slice + 1U);
-    if (slice == SLICE_JUDGE) {
-        judge(c, p);
-    } else if (slice < SLICE_GROWTH) {
-        plumb_error_filter_grow_tilt(&c->errors, slice - SLICE_TILT_X);
-    } else if (slice == SLICE_GROWTH) {
-        plumb_error_filter_grow(&c->errors, travels(c) ? 0 : p->q_bias, p->q_scale);
-    } else if ((slice - SLICE_MEASURE) % 2U != 0U) {
-        plumb_error_filter_shrink(&c->errors);
-    } else {
-        const unsigned number = (slice - SLICE_MEASURE) / 2U;
-        if (number < 2U)
-            plumb_error_filter_weigh(
-                &c->errors, VELOCITY + number, (uint64_t)c->words.velocity_variance_g2s2_q26 << 4,
-                asr32(sub_wrap(c->measured_gs_q28[number], c->words.velocity_gs_q28[number]), 1));
-        else
-            plumb_error_filter_weigh(
-                &c->errors, BIAS + number - 2U, (uint32_t)p->rest_variance,
-                sat_i32(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)));
-    }
 }
 
 /* Turn an acceleration of the earth by a small angle, as the attitude is turned: rest is a matter of the
@@ -242,9 +177,8 @@ SELDOM void turn_force(int32_t force[3], int32_t x_q32, int32_t y_q32) {
     force[2] = add_wrap(fz, sub_wrap(mulhi_i32(x_q32, fy), mulhi_i32(y_q32, fx)));
 }
 
-/* What the last block has gained, and the corrections of the block before as it has made them grow, to the
- * state. */
-SELDOM void correct(plumb_attitude_t *c, int32_t gained_x_q28, int32_t gained_y_q28) {
+/* The corrections of the block before, as the last one has made them grow, to the state. */
+SELDOM void correct(plumb_attitude_t *c) {
     plumb_attitude_words_t *const w = &c->words;
     const int32_t *const by = c->errors.correction_q28;
 
@@ -261,15 +195,8 @@ SELDOM void correct(plumb_attitude_t *c, int32_t gained_x_q28, int32_t gained_y_
     const int32_t y = clamp_i32(by[TILT + 1], -TILT_STEP_LIMIT_Q28, TILT_STEP_LIMIT_Q28);
     turn_earth(&w->attitude, ONE_Q30, 2 * x, 2 * y);
     turn_force(c->force_before_q18, 16 * x, 16 * y);
-    w->velocity_gs_q28[0] =
-        sat_i32((int64_t)w->velocity_gs_q28[0] + gained_x_q28 + 2 * (int64_t)by[VELOCITY]);
-    w->velocity_gs_q28[1] =
-        sat_i32((int64_t)w->velocity_gs_q28[1] + gained_y_q28 + 2 * (int64_t)by[VELOCITY + 1]);
-}
-
-/* Velocity that a block has gained, g s Q28. */
-static int32_t gained(int32_t force_sum_q18, int32_t dt_s_q33) {
-    return sat_i32(asr64(mul_i64(force_sum_q18, dt_s_q33), 23));
+    for (unsigned i = 0; i < 2U; i++)
+        w->velocity_gs_q28[i] = sat_i32(w->velocity_gs_q28[i] + 2 * (int64_t)by[VELOCITY + i]);
 }
 
 /* A body at rest whose acceleration is 1 g, within 5 %, and 26 deg or more off the vertical: a body that
@@ -285,10 +212,99 @@ static bool tilted_at_rest(const int32_t mean_g_q18[3]) {
            (mean_g_q18[2] < 0 || up_q16 * 100U < square_q16 * 81U);
 }
 
+/* Whether the acceleration of the last block contradicts the vertical: that of a body that rests, or what has
+ * lasted. */
+static bool contradicts(plumb_attitude_t *c, const plumb_attitude_params_t *p, bool rests) {
+    int32_t mean_g_q18[3];
+    for (unsigned i = 0; i < 3U; i++)
+        mean_g_q18[i] = mulhi_i32(c->force_before_q18[i], p->inverse_block_q32);
+    c->rise_g_q18 += mulhi_near((1 << 18) - mean_g_q18[2] - c->rise_g_q18, p->travel_pass_q32);
+    return c->rise_g_q18 > RISE_LIMIT_Q18 || (rests && tilted_at_rest(mean_g_q18));
+}
+
+/* What a block has shown of the velocity: how far it is trusted to be zero, and whether the attitude is
+ * lost. Then a new start, or the first growth of the covariance.
+ *
+ * The stated variance has, besides the filter's, the tilt that keeps up a velocity that has lasted: in flight
+ * against the drag, which the filter follows in 2 s; else in 128 s, less than the velocity's own leak. */
+SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    plumb_attitude_words_t *const w = &c->words;
+    int32_t square_q24 = 0;
+    for (unsigned i = 0; i < 2U; i++) {
+        const int32_t v = clamp_i32(w->velocity_gs_q28[i], -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28);
+        w->velocity_gs_q28[i] = c->airborne ? v : v - mulhi_near(v, p->leak_q32);
+        square_q24 += mulhi_i32(w->velocity_gs_q28[i], w->velocity_gs_q28[i]);
+        const int32_t off =
+            clamp_i32(w->velocity_gs_q28[i] - c->measured_gs_q28[i], -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28);
+        c->travel_gs_q28[i] += mulhi_near(off - c->travel_gs_q28[i], p->travel_pass_q32);
+    }
+    w->velocity_square_g2s2_q24 += mulhi_near(square_q24 - w->velocity_square_g2s2_q24, p->velocity_pass_q32);
+    c->travel_excess_q24 = c->airborne ? 0 : travel_excess(c, p);
+    const int64_t moving = asr64(mul_i64(w->velocity_square_g2s2_q24, p->velocity_share_q16), 14) +
+                           asr64(mul_i64(c->travel_excess_q24, p->travel_gain_q16), 14);
+    const int32_t room = SPEED_LIMIT_Q26 - p->speed_min;
+    w->velocity_variance_g2s2_q26 =
+        c->airborne ? (uint32_t)p->aid_variance
+                    : (uint32_t)p->speed_min + (uint32_t)(moving < room ? (int32_t)moving : room);
+
+    w->tilt_variance_rad2_q32 =
+        plumb_error_filter_variance(&c->errors, TILT) + plumb_error_filter_variance(&c->errors, TILT + 1);
+    const uint32_t lasting_q24 = (uint32_t)travel_square(c);
+    w->tilt_variance_rad2_q32 += c->airborne ? min_u32(lasting_q24, 1U << 25) << 6 : lasting_q24 >> 6;
+    const bool unsure = w->tilt_variance_rad2_q32 > p->unsure;
+    const bool accelerating = w->velocity_variance_g2s2_q26 > 4U * (uint32_t)p->speed_min;
+    c->block_flags = (c->block_flags & ~(uint32_t)JUDGED) | (unsure ? PLUMB_ATTITUDE_FLAG_UNSURE : 0U) |
+                     (accelerating ? PLUMB_ATTITUDE_FLAG_ACCELERATING : 0U);
+    const bool rests = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U;
+    if (contradicts(c, p, rests) || (rests && square_q24 > RESTING_SQUARE_Q24)) {
+        start(c, p);
+        c->block_flags |= PLUMB_ATTITUDE_FLAG_RESTARTED;
+    } else {
+        plumb_error_filter_grow_velocity(&c->errors);
+    }
+}
+
+/* What the last block has left to do, one slice a step. Returns whether it has turned the attitude. */
+SHARED bool compute_slice(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    const unsigned slice = c->slice;
+    const unsigned measured = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U ? 5U : 2U;
+    const bool last = slice + 1U == SLICE_MEASURE + 2U * measured;
+    c->slice = (uint8_t)(last ? SLICE_NONE : slice + 1U);
+    if (slice == SLICE_CORRECT) {
+        correct(c);
+        return true;
+    }
+    if (slice == SLICE_JUDGE) {
+        judge(c, p);
+    } else if (slice < SLICE_MEASURE) {
+        plumb_error_filter_grow_tilt(&c->errors, slice - SLICE_TILT_X);
+    } else if ((slice - SLICE_MEASURE) % 2U != 0U) {
+        plumb_error_filter_shrink(&c->errors);
+    } else {
+        const unsigned number = (slice - SLICE_MEASURE) / 2U;
+        if (number == 0U)
+            plumb_error_filter_grow(&c->errors, travels(c) ? 0 : p->q_bias, p->q_scale);
+        if (number < 2U)
+            plumb_error_filter_weigh(
+                &c->errors, VELOCITY + number, (uint64_t)c->words.velocity_variance_g2s2_q26 << 4,
+                asr32(sub_wrap(c->measured_gs_q28[number], c->words.velocity_gs_q28[number]), 1));
+        else
+            plumb_error_filter_weigh(
+                &c->errors, BIAS + number - 2U, (uint32_t)p->rest_variance,
+                sat_i32(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)));
+    }
+    return false;
+}
+
+/* Velocity that a block has gained, g s Q28. */
+static int32_t gained(int32_t force_sum_q18, int32_t dt_s_q33) {
+    return sat_i32(asr64(mul_i64(force_sum_q18, dt_s_q33), 23));
+}
+
 /* How much the tilt has become uncertain in a block, rad^2 Q32. Lasting velocities say that turns were
- * measured worse than the parameters expect, unless the body travels. */
+ * measured worse than the parameters expect, unless the body travels or flies. */
 static int32_t tilt_growth(const plumb_attitude_t *c, const plumb_attitude_params_t *p) {
-    const int64_t doubt = travels(c) ? 0 : asr64(mul_i64(travel_square(c), p->doubt_q24), 16);
+    const int64_t doubt = travels(c) || c->airborne ? 0 : asr64(mul_i64(travel_square(c), p->doubt_q24), 16);
     const int64_t by_turn = p->q_turn_q24 + doubt;
     const int64_t turned =
         asr64(mul_i64((int32_t)c->energy_q24, by_turn < MOST_BY_TURN ? (int32_t)by_turn : MOST_BY_TURN), 24);
@@ -299,22 +315,23 @@ static int32_t tilt_growth(const plumb_attitude_t *c, const plumb_attitude_param
 
 /* Whether the vehicle flies, by its thrust command and what it feels: with thrust for some blocks it has
  * taken off; a body that feels its weight without thrust is carried by the ground. */
-static bool flies(plumb_attitude_t *c, const plumb_attitude_params_t *p, int32_t upwards_g_q18) {
+static bool flies(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     const bool thrust = c->words.thrust_q15 >= p->aid_thrust_q15;
     c->thrust_blocks = (uint8_t)(thrust ? min_u32(c->thrust_blocks + 1U, TAKE_OFF_BLOCKS) : 0U);
     if (thrust)
         return c->airborne || c->thrust_blocks == TAKE_OFF_BLOCKS;
-    return c->airborne && upwards_g_q18 < CARRIED_Q18;
+    return c->airborne && mulhi_i32(c->force_sum_q18[2], p->inverse_block_q32) < CARRIED_Q18;
 }
 
 /* What is known of the velocity at the end of a block: zero on the ground; in flight that of the drag of the
  * rotors, v = -a / d with a the mean acceleration across the thrust, and half of what the block has gained,
  * as the mean is as old as that. A change is a jump of up to the wind. */
-static void measure_velocity(plumb_attitude_t *c, const plumb_attitude_params_t *p, const int32_t gained[2],
-                             int32_t upwards_g_q18) {
-    const bool airborne = flies(c, p, upwards_g_q18);
-    if (airborne != c->airborne)
+static void measure_velocity(plumb_attitude_t *c, const plumb_attitude_params_t *p, const int32_t gained[2]) {
+    const bool airborne = flies(c, p);
+    if (airborne != c->airborne) {
         add_limited(&c->velocity_added_q26, VELOCITY_ADDED_Q26, VELOCITY_ADDED_Q26);
+        c->travel_gs_q28[0] = c->travel_gs_q28[1] = 0;
+    }
     c->airborne = airborne;
     for (unsigned i = 0; i < 2U; i++) {
         const int32_t across_q18 =
@@ -323,34 +340,30 @@ static void measure_velocity(plumb_attitude_t *c, const plumb_attitude_params_t 
         c->measured_gs_q28[i] = airborne ? clamp_i32(sat_i32((int64_t)drag_gs + asr32(gained[i], 1)),
                                                      -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28)
                                          : 0;
-        c->travel_gs_q28[i] = airborne ? 0 : c->travel_gs_q28[i];
     }
 }
 
 /* The last step of a block: its sums become the coupling of tilt and gyro, a velocity, and what the slices of
- * the next block need. */
-SELDOM void close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+ * the next block need. Returns whether it has turned the attitude. */
+SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     plumb_attitude_words_t *const w = &c->words;
     const int32_t dt = (int32_t)p->dt_s_q33;
     const int32_t gains[2] = {gained(c->force_sum_q18[0], dt), gained(c->force_sum_q18[1], dt)};
-    int32_t mean_g_q18[3];
     bool moved = c->moved;
 
     for (unsigned i = 0; i < 3U; i++) {
         moved |= abs_u32(sub_wrap(c->force_sum_q18[i], c->force_before_q18[i])) > (uint32_t)p->rest_accel ||
                  abs_u32(c->half_sum_q32[i]) > (uint32_t)p->rest_turn;
         c->force_before_q18[i] = c->force_sum_q18[i];
-        mean_g_q18[i] = mulhi_i32(c->force_sum_q18[i], p->inverse_block_q32);
         c->half_mean_q32[i] = mulhi_i32(c->half_sum_q32[i], p->inverse_block_q32);
     }
     const uint32_t still = c->still_blocks + 1U;
     c->still_blocks = (uint8_t)(moved ? 0U : min_u32(still, (uint32_t)p->rest_blocks));
     const bool rests = c->still_blocks == (uint32_t)p->rest_blocks;
     uint32_t flags = rests ? PLUMB_ATTITUDE_FLAG_REST : 0U;
-    c->rise_g_q18 += mulhi_near((1 << 18) - mean_g_q18[2] - c->rise_g_q18, p->travel_pass_q32);
-    c->lost = c->rise_g_q18 > RISE_LIMIT_Q18 || (rests && tilted_at_rest(mean_g_q18));
 
-    if (c->aligned_blocks < ALIGNING_BLOCKS) {
+    const bool aligning = c->aligned_blocks < ALIGNING_BLOCKS;
+    if (aligning) {
         /* the vertical is the mean of all so far; at least 1/32 g s, so that a fall turns nothing */
         const int32_t x = sat_i32((int64_t)w->velocity_gs_q28[0] + gains[0]);
         const int32_t y = sat_i32((int64_t)w->velocity_gs_q28[1] + gains[1]);
@@ -372,20 +385,22 @@ SELDOM void close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
                 c->errors.coupling_q32[i][BIAS + j] = -(int32_t)asr64(mul_i64(c->rows_sum_q22[i][j], dt), 25);
                 c->errors.coupling_q32[i][SCALE + j] = -asr32(c->turned_sum_q28[i][j], 1);
             }
-        correct(c, gains[0], gains[1]);
+        for (unsigned i = 0; i < 2U; i++)
+            w->velocity_gs_q28[i] = sat_i32((int64_t)w->velocity_gs_q28[i] + gains[i]);
         if (p->aid_s_q24 != 0)
-            measure_velocity(c, p, gains, mean_g_q18[2]);
+            measure_velocity(c, p, gains);
 
         c->errors.tilt_growth_q32 = tilt_growth(c, p);
         c->errors.velocity_growth_q32 = 16 * c->velocity_added_q26;
 
         flags |= (lever < asr32(time_q32, 2) ? PLUMB_ATTITUDE_FLAG_FALLING : 0U) |
                  (c->airborne ? PLUMB_ATTITUDE_FLAG_AIRBORNE : 0U) | (c->block_flags & JUDGED);
-        c->slice = SLICE_JUDGE;
+        c->slice = SLICE_CORRECT;
     }
     c->block_flags = flags;
     w->block_step = 0;
     clear_sums(c);
+    return aligning;
 }
 
 /* Turns rate and acceleration from the sensors' axes to the body's. */
@@ -488,66 +503,76 @@ SHARED void matrix_of(const plumb_quaternion_t *q, int32_t m[9]) {
 
 /* A sample after a gap: turn and acceleration of the gap become those of a straight line between the samples
  * on both sides, and their variance that of a random walk between them: (time * difference)^2 / 12, with the
- * difference of all three axes and half as much again, as one difference tells little of a motion. */
-SELDOM void bridge(plumb_attitude_t *c, const plumb_attitude_params_t *a, const int32_t half[3]) {
+ * difference of all three axes and half as much again, as one difference tells little of a motion.
+ * force_g_q20: what the gap adds to the acceleration, body axes. */
+SELDOM void bridge(plumb_attitude_t *c, const plumb_attitude_params_t *a, const int32_t half[3],
+                   int32_t force_g_q20[3]) {
     const int32_t steps = c->gap_steps;
+    int32_t turn_q32[3];
+    uint32_t turn_square_q32 = 0, force_square_q18 = 0;
     c->gap_steps = 0;
+    force_g_q20[0] = force_g_q20[1] = force_g_q20[2] = 0;
     if (!c->started)
         return;
-    int32_t turn_q32[3], accel_g_q20[3], m[9];
-    uint32_t turn_square_q32 = 0, accel_square_q18 = 0;
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t by = asr32(half[i], 1) - 3 * c->half_sixth_q32[i];
         const int32_t by_g_q25 = c->words.accel_g_q25[i] - 6 * c->accel_sixth_q25[i];
         turn_square_q32 += (uint32_t)mulhi_i32(by, by);
-        accel_square_q18 += (uint32_t)mulhi_i32(by_g_q25, by_g_q25);
+        force_square_q18 += (uint32_t)mulhi_i32(by_g_q25, by_g_q25);
         turn_q32[i] =
             clamp_i32(sat_i32(asr64(mul_i64(by, steps), 1)), -4 * HALF_LIMIT_Q30, 4 * HALF_LIMIT_Q30);
-        accel_g_q20[i] = sat_i32(asr64(mul_i64(by_g_q25, steps), 6));
-        accel_g_q20[i] = clamp_i32(accel_g_q20[i], -ADDED_ACCEL_G_Q20, ADDED_ACCEL_G_Q20);
+        force_g_q20[i] = sat_i32(asr64(mul_i64(by_g_q25, steps), 6));
+        force_g_q20[i] = clamp_i32(force_g_q20[i], -ADDED_ACCEL_G_Q20, ADDED_ACCEL_G_Q20);
     }
     for (unsigned i = 0; i < 2U; i++) /* two halves: each within the limit of a step */
         (void)turn_body(&c->words.attitude, turn_q32[0], turn_q32[1], turn_q32[2]);
-    matrix_of(&c->words.attitude, m);
-    for (unsigned i = 0; i < 3U; i++)
-        c->force_sum_q18[i] =
-            clamp_i32(sat_i32((int64_t)c->force_sum_q18[i] +
-                              along(m + 3U * i, accel_g_q20[0], accel_g_q20[1], accel_g_q20[2])),
-                      -BRIDGED_FORCE_Q18, BRIDGED_FORCE_Q18);
 
     const uint32_t square = (uint32_t)(steps * steps);
     add_limited(&c->tilt_added_q32, 2U * mul_u64(square, turn_square_q32), VARIANCE_LIMIT_Q32);
     const uint32_t gap_s2_q26 = (uint32_t)(mul_u64(square, mulhi_u32(a->dt_s_q33, a->dt_s_q33)) >> 8);
-    add_limited(&c->velocity_added_q26, mul_u64(gap_s2_q26, accel_square_q18) >> 21, VELOCITY_ADDED_Q26);
+    add_limited(&c->velocity_added_q26, mul_u64(gap_s2_q26, force_square_q18) >> 21, VELOCITY_ADDED_Q26);
 }
 
-/* Samples in a row at the limit of a sensor. What it does not show is taken for a parabola that begins with
- * the larger slope of both ends, time^2 slope / 6 in all; the variance of something between that and nothing
- * is a third of its square. */
-static uint64_t unseen(uint8_t *run, uint32_t *square, uint32_t now, bool clipped) {
+/* The acceleration that a gap adds to the sums of the block. */
+SELDOM void add_force(plumb_attitude_t *c, const int32_t m[9], const int32_t force_g_q20[3]) {
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t added_g_q18 = along(m + 3U * i, force_g_q20[0], force_g_q20[1], force_g_q20[2]);
+        c->force_sum_q18[i] = clamp_i32(sat_i32((int64_t)c->force_sum_q18[i] + added_g_q18),
+                                        -BRIDGED_FORCE_Q18, BRIDGED_FORCE_Q18);
+    }
+}
+
+/* Samples in a row at the limit of a sensor: counted, and when they end, n^4 times the square of a slope.
+ * What they do not show is taken for a parabola that begins with the larger slope of both ends, time^2 slope
+ * / 6 in all; the variance of something between that and nothing is a third of its square. now, sixth: of
+ * this step, and a sixth of the step before; a sixth of their difference is a slope, times 36 its square. */
+static uint64_t unseen(uint8_t *run, uint32_t *slope, bool clipped, const int32_t now[3],
+                       const int32_t sixth[3]) {
     const uint32_t steps = *run;
-    *square = steps == 0U || now > *square ? now : *square;
-    *run = (uint8_t)(clipped ? min_u32(steps + 1U, LONGEST_RUN) : 0U);
-    return clipped ? 0U : mul_u64(steps * steps * steps * steps, *square);
+    if (clipped == (steps != 0U)) { /* it goes on, or there is none */
+        *run = (uint8_t)(clipped ? min_u32(steps + 1U, LONGEST_RUN) : 0U);
+        return 0U;
+    }
+    uint32_t square = 0;
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t by = mulhi_i32(now[i], SIXTH_Q32) - sixth[i];
+        square += (uint32_t)mulhi_i32(by, by);
+    }
+    *run = clipped;
+    *slope = clipped ? square : max_u32(square, *slope);
+    return clipped ? 0U : mul_u64(steps * steps * steps * steps, *slope);
 }
 
-/* Count samples at the limits, and add what they have hidden when they end. Sixths of the differences: their
- * squares times 36 are those of the slopes. */
+/* Count samples at the limits, and add what they have hidden when they end. */
 SELDOM void count_clipped(plumb_attitude_t *c, const plumb_attitude_params_t *a, uint32_t flags,
                           const int32_t half[3]) {
-    uint32_t turn_q32 = 0, accel_q18 = 0;
-    if (flags == PLUMB_ATTITUDE_FLAG_MISSING)
+    if (flags == PLUMB_ATTITUDE_FLAG_MISSING || !c->started)
         return;
-    for (unsigned i = 0; i < 3U && c->started; i++) {
-        const int32_t turn = mulhi_i32(half[i], SIXTH_Q32) - c->half_sixth_q32[i];
-        const int32_t accel = mulhi_i32(c->words.accel_g_q25[i], SIXTH_Q32) - c->accel_sixth_q25[i];
-        turn_q32 += (uint32_t)mulhi_i32(turn, turn);
-        accel_q18 += (uint32_t)mulhi_i32(accel, accel);
-    }
-    const uint64_t turned = unseen(&c->gyro_clipped_steps, &c->gyro_slope_q32, turn_q32,
-                                   (flags & PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED) != 0U);
-    const uint64_t forced = unseen(&c->accel_clipped_steps, &c->accel_slope_q18, accel_q18,
-                                   (flags & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U);
+    const uint64_t turned = unseen(&c->gyro_clipped_steps, &c->gyro_slope_q32,
+                                   (flags & PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED) != 0U, half, c->half_sixth_q32);
+    const uint64_t forced =
+        unseen(&c->accel_clipped_steps, &c->accel_slope_q18,
+               (flags & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U, c->words.accel_g_q25, c->accel_sixth_q25);
     const uint32_t thrice_q32 = limited(turned, VARIANCE_LIMIT_Q32) * 4U;
     add_limited(&c->tilt_added_q32, thrice_q32 / 3U, VARIANCE_LIMIT_Q32);
     const uint64_t force_q8 = forced >> 10 < 1ULL << 40 ? forced >> 10 : 1ULL << 40;
@@ -564,8 +589,10 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     w->thrust_q15 = setpoint;
     w->step++;
 
-    uint32_t flags = PLUMB_ATTITUDE_FLAG_MISSING; /* without a sample rate and acceleration go on */
-    if (raw[0] == INT16_MIN) {
+    /* Without a sample rate and acceleration go on. The last step of a block takes none after a gap: a bridge
+     * and the end of a block are each the work of a step. */
+    uint32_t flags = PLUMB_ATTITUDE_FLAG_MISSING;
+    if (raw[0] == INT16_MIN || (c->gap_steps != 0U && w->block_step + 1U == (uint32_t)a->block_steps)) {
         w->missing_steps++;
         c->gap_steps = (uint8_t)min_u32(c->gap_steps + 1U, LONGEST_RUN);
     } else {
@@ -576,8 +603,10 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     const int32_t hz = half_angle(w->rate_turnps_q28[2], a->half_angle);
     const int32_t half[3] = {hx, hy, hz};
     const int32_t ax = w->accel_g_q25[0], ay = w->accel_g_q25[1], az = w->accel_g_q25[2];
-    if (c->gap_steps != 0U && flags != PLUMB_ATTITUDE_FLAG_MISSING)
-        bridge(c, a, half);
+    const bool bridged = c->gap_steps != 0U && flags != PLUMB_ATTITUDE_FLAG_MISSING;
+    int32_t force_g_q20[3];
+    if (bridged)
+        bridge(c, a, half, force_g_q20);
     if (((flags & CLIPPED) | c->gyro_clipped_steps | c->accel_clipped_steps) != 0U)
         count_clipped(c, a, flags, half);
     if (!c->started) {
@@ -613,6 +642,8 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     int32_t m[9];
     c->energy_q24 += turn_body(&w->attitude, turn_x, turn_y, turn_z) >> 6;
     matrix_of(&w->attitude, m);
+    if (bridged)
+        add_force(c, m, force_g_q20);
     c->force_sum_q18[0] += asr32(along(m, fx, fy, fz), 5);
     c->force_sum_q18[1] += asr32(along(m + 3, fx, fy, fz), 5);
     c->force_sum_q18[2] += asr32(along(m + 6, fx, fy, fz), 5);
@@ -630,12 +661,11 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
                abs_u32(sub_wrap(hy, c->half_mean_q32[1])) > still ||
                abs_u32(sub_wrap(hz, c->half_mean_q32[2])) > still;
 
-    if (c->slice != SLICE_NONE)
-        compute_slice(c, a);
-    if (++w->block_step == (uint32_t)a->block_steps) {
-        close_block(c, a);
+    bool turned = c->slice != SLICE_NONE && !bridged && compute_slice(c, a);
+    if (++w->block_step == (uint32_t)a->block_steps)
+        turned |= close_block(c, a);
+    if (turned)
         matrix_of(&w->attitude, m);
-    }
     w->up_q30[0] = m[6];
     w->up_q30[1] = m[7];
     w->up_q30[2] = m[8];

@@ -11,48 +11,40 @@ from collections.abc import Sequence
 from plumb.kernels.fixed import mounting, validity
 from plumb.kernels.fixed.kernels import Params, calibrate
 from plumb.kernels.fixed.mounting import mount
-from plumb.kernels.fixed.quaternion import ONE_Q30
-from plumb.kernels.fixed.trig import length, reciprocal
-from plumb.kernels.integers import Integer, clamp, clz32, select, wrap_i32, wrap_u32
+from plumb.kernels.integers import Integer, clamp, select, wrap_i32
 from plumb.systems.attitude.fixed_covariance import (
     AXES,
     HORIZONTAL,
     VARIANCE_MAX_Q32,
     VELOCITY_MAX_Q28,
-    compute_slice,
     mul,
-    near,
-    travel_square,
-    travels,
-    weighted,
+    sat32,
 )
 from plumb.systems.attitude.fixed_gaps import (
     BRIDGED_MAX_Q18,
     LONGEST_RUN,
     VELOCITY_ADDED_MAX_Q26,
-    bridged,
+    bridge,
     count_clipped,
 )
+from plumb.systems.attitude.fixed_slices import compute_slice, travel_square, travels
 from plumb.systems.attitude.fixed_state import (
     ACCEL_CLIPPED,
     AIRBORNE,
     ALIGNING,
-    BIAS,
     FALLING,
     GYRO_CLIPPED,
     JUDGED,
     MISSING,
     REST,
-    SCALE,
     SUMS,
-    TILT,
     UNSURE,
-    VELOCITY,
     ControlState,
     clear,
     control_init,
     in_runs,
 )
+from plumb.systems.attitude.fixed_turns import align, matrix, turn_body
 
 __all__ = ["control_init", "control_step"]
 
@@ -61,80 +53,15 @@ I32 = (1 << 31) - 1
 HALF_ANGLE_MAX_Q30 = 461708984
 SIXTH_Q32 = 715827883
 ALIGN_LEAST_G_Q24, ALIGN_LEAST_GS_Q26, ALIGN_BLOCKS = 1258291, 1 << 20, 4
-BIAS_MAX_Q32, SCALE_MAX_Q32, TURN_MAX_Q28 = 1 << 30, 1 << 28, 1 << 26
-BIAS_UNIT_Q31 = 1367130551
 CLIPPED = GYRO_CLIPPED | ACCEL_CLIPPED
-RISE_MAX_Q18, BY_TURN_MAX_Q32 = 157286, 1 << 30
+BY_TURN_MAX_Q32 = 1 << 30
 CARRIED_Q18, TAKE_OFF_BLOCKS = 209715, 4
-
-
-def sat32(x: Integer) -> Integer:
-    return clamp(x, -I32 - 1, I32)
 
 
 def coned(c: ControlState) -> list[Integer]:
     """The half angles of the step, with coning: plus a sixth of those of the step before, times (cross) these."""
     h, s = c.half, c.half_sixth
     return [h[i] + mul(s[i - 2], h[i - 1]) - mul(s[i - 1], h[i - 2]) for i in AXES]
-
-
-def turn_body(c: ControlState, h: Sequence[Integer]) -> Integer:
-    """Turn the attitude by these half angles; returns the sum of their squares."""
-    s = (mul(h[0], h[0]) + mul(h[1], h[1]) + mul(h[2], h[2])) >> 2
-    inner = 4 * mul(s, ONE_Q30 - mul(s, 102261126))
-    missing = 4 * mul(4 * mul(s, ONE_Q30 - mul(inner, 214748365)), SIXTH_Q32)
-    inner = 4 * mul(s, ONE_Q30 - mul(s, 143165577))
-    cosine = -8 * mul(s, ONE_Q30 - mul(inner, 357913941))
-    x, y, z = (angle - mul(angle, missing) for angle in h)
-    w, qx, qy, qz = c.attitude
-    c.attitude = [
-        w + mul(w, cosine) - mul(qx, x) - mul(qy, y) - mul(qz, z),
-        qx + mul(qx, cosine) + mul(w, x) + mul(qy, z) - mul(qz, y),
-        qy + mul(qy, cosine) + mul(w, y) + mul(qz, x) - mul(qx, z),
-        qz + mul(qz, cosine) + mul(w, z) + mul(qx, y) - mul(qy, x),
-    ]
-    return s
-
-
-def matrix(q: Sequence[Integer]) -> list[list[Integer]]:
-    w, x, y, z = q
-    xx, yy, zz = mul(x, x), mul(y, y), mul(z, z)
-    xy, xz, yz = mul(x, y), mul(x, z), mul(y, z)
-    wx, wy, wz = mul(w, x), mul(w, y), mul(w, z)
-    rows = [
-        [ONE_Q30 - 8 * (yy + zz), 8 * (xy - wz), 8 * (xz + wy)],
-        [8 * (xy + wz), ONE_Q30 - 8 * (xx + zz), 8 * (yz - wx)],
-        [8 * (xz - wy), 8 * (yz + wx), ONE_Q30 - 8 * (xx + yy)],
-    ]
-    return [[wrap_i32(entry) for entry in row] for row in rows]
-
-
-def turn_earth(q: Sequence[Integer], w: Integer, x: Integer, y: Integer) -> list[Integer]:
-    qw, qx, qy, qz = q
-    turned = [
-        4 * (mul(w, qw) - mul(x, qx) - mul(y, qy)),
-        4 * (mul(w, qx) + mul(x, qw) + mul(y, qz)),
-        4 * (mul(w, qy) + mul(y, qw) - mul(x, qz)),
-        4 * (mul(w, qz) + mul(x, qy) - mul(y, qx)),
-    ]
-    squares = [mul(one, one) for one in turned]
-    longer = 8 * ((1 << 28) - squares[0] - squares[1] - squares[2] - squares[3])
-    return [one + mul(one, longer) for one in turned]
-
-
-def align(c: ControlState, x: Integer, y: Integer, z: Integer, least: int) -> Integer:
-    """Turn the earth so that the vector points up; returns half its length, below `least` nothing is turned."""
-    half = 2 * length(length(y, x), z >> 1)
-    w, qx, qy = half + (z >> 1), y >> 1, -(x >> 1)
-    long = 4 * length(length(qy, qx), w >> 1)
-    over = long < half >> 8
-    divisor = clamp(long, 1, I32)
-    n = clz32(divisor)
-    v = reciprocal((divisor << n) >> 1)
-    w, qx, qy = ((one * v) >> (32 - n) for one in (w, qx, qy))
-    turned = turn_earth(c.attitude, select(over, 0, w), select(over, ONE_Q30, qx), select(over, 0, qy))
-    c.attitude = [select(half >= least, new, old) for new, old in zip(turned, c.attitude, strict=True)]
-    return half
 
 
 def first_sample(c: ControlState, p: Params) -> None:
@@ -162,7 +89,8 @@ def sense(p: Params, raw: Sequence[Integer], group: str) -> tuple[list[Integer],
 
 def sample(c: ControlState, p: Params, raw: Sequence[Integer]) -> Integer:
     """Rates, accelerations and half angles of the counts; returns the flags of the step."""
-    missing = raw[0] == NO_SAMPLE
+    last = c.block_step + 1 == p["attitude.block_steps"]
+    missing = (raw[0] == NO_SAMPLE) | (last & (c.gap != 0))
     rates, gyro_clipped = sense(p, raw[:3], "gyro")
     forces, accel_clipped = sense(p, raw[3:], "accel")
     for i in AXES:
@@ -192,7 +120,9 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.step, c.thrust = c.step + 1, setpoint
     c.flags = flags = sample(c, p, raw)
     sampled = flags != MISSING
-    in_runs(c, p, sampled & (c.gap != 0), bridge)
+    bridged = sampled & (c.gap != 0)
+    c.bridged_force = [0 * c.gap for _ in AXES]
+    in_runs(c, p, bridged, bridge)
     in_runs(c, p, sampled & (((flags & CLIPPED) != 0) | (c.gyro_run != 0) | (c.accel_run != 0)), count_clipped)
     in_runs(c, p, c.started == 0, first_sample)
 
@@ -201,8 +131,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.energy = c.energy + (turn_body(c, turn) >> 6)
     m, h = matrix(c.attitude), c.half
     for i in AXES:
-        share = mul(m[i][0], force[0]) + mul(m[i][1], force[1]) + mul(m[i][2], force[2])
-        c.force_sum[i] = c.force_sum[i] + (share >> 5)
+        added = clamp(sat32(c.force_sum[i] + along(m[i], c.bridged_force)), -BRIDGED_MAX_Q18, BRIDGED_MAX_Q18)
+        c.force_sum[i] = select(bridged, added, c.force_sum[i]) + (along(m[i], force) >> 5)
         c.half_sum[i] = wrap_i32(c.half_sum[i] + h[i])
         c.moved = c.moved | (abs(wrap_i32(h[i] - c.half_mean[i])) > p["attitude.rest_gyro"])
     aided = p["attitude.aid_s_q24"] != 0
@@ -212,7 +142,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
             c.rows_sum[3 * i + j] = c.rows_sum[3 * i + j] + (m[i][j] >> 8)
             c.turned_sum[3 * i + j] = c.turned_sum[3 * i + j] + (mul(m[i][j], h[j]) >> 2)
 
-    compute_slice(c, p)
+    in_runs(c, p, bridged == 0, compute_slice)
     c.block_step = c.block_step + 1
     in_runs(c, p, c.block_step == p["attitude.block_steps"], close_block)
     c.up = matrix(c.attitude)[2]
@@ -223,28 +153,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     )  # fmt: skip
 
 
-def bridge(c: ControlState, p: Params) -> None:
-    """A sample after a gap."""
-    in_runs(c, p, c.started != 0, bridge_started)
-    c.gap = 0 * c.gap
-
-
-def bridge_started(c: ControlState, p: Params) -> None:
-    turn, force = bridged(c, p)
-    for _ in range(2):
-        turn_body(c, turn)
-    m = matrix(c.attitude)
-    for i in AXES:
-        share = mul(m[i][0], force[0]) + mul(m[i][1], force[1]) + mul(m[i][2], force[2])
-        c.force_sum[i] = clamp(sat32(c.force_sum[i] + share), -BRIDGED_MAX_Q18, BRIDGED_MAX_Q18)
-
-
-def tilted_at_rest(c: ControlState, p: Params) -> Integer:
-    """Whether an acceleration of 1 g lies well off the vertical."""
-    means = [mul(force, p["attitude.inverse_block_q32"]) for force in c.force_sum]
-    squares = [mul(mean, mean) for mean in (wrap_i32(mean << 6) for mean in means)]
-    total, up = wrap_u32(sum(squares)), squares[2]
-    return (total > 59146) & (total < 72253) & ((means[2] < 0) | (100 * up < 81 * total))
+def along(row: Sequence[Integer], force: Sequence[Integer]) -> Integer:
+    return mul(row[0], force[0]) + mul(row[1], force[1]) + mul(row[2], force[2])
 
 
 def gained(c: ControlState, p: Params, i: int) -> Integer:
@@ -260,10 +170,6 @@ def close_block(c: ControlState, p: Params) -> None:
     c.force_before = list(c.force_sum)
     blocks = p["attitude.rest_blocks"]
     c.still_blocks = select(c.moved != 0, 0, clamp(c.still_blocks + 1, 0, blocks))
-    rise = (1 << 18) - mul(c.force_sum[2], p["attitude.inverse_block_q32"])
-    c.rise = c.rise + near(rise - c.rise, p["attitude.travel_pass_q32"])
-    at_rest = (c.still_blocks == blocks) & tilted_at_rest(c, p)
-    c.lost = select((c.rise > RISE_MAX_Q18) | at_rest, 1, 0)
     before, c.block_flags = c.block_flags, select(c.still_blocks == blocks, REST, 0)
     aligning = c.aligned_blocks < ALIGN_BLOCKS
     in_runs(c, p, aligning, align_block)
@@ -293,9 +199,10 @@ def measure_block(c: ControlState, p: Params) -> None:
         for j in AXES:
             c.coupling[6 * i + j] = -((c.rows_sum[3 * i + j] * dt) >> 25)
             c.coupling[6 * i + 3 + j] = -(c.turned_sum[3 * i + j] >> 1)
-    correct(c, [gained(c, p, i) for i in HORIZONTAL])
+    for i in HORIZONTAL:
+        c.velocity[i] = sat32(c.velocity[i] + gained(c, p, i))
     in_runs(c, p, p["attitude.aid_s_q24"] != 0, measure_velocity)
-    doubt = select(travels(c), 0, (travel_square(c) * p["attitude.doubt_q24"]) >> 16)
+    doubt = select(travels(c) | (c.airborne == 1), 0, (travel_square(c) * p["attitude.doubt_q24"]) >> 16)
     by_turn = clamp(p["attitude.q_turn_q24"] + doubt, 0, BY_TURN_MAX_Q32)
     steps = p["attitude.block_steps"]
     blind = (c.gap >= steps) | (c.gyro_run >= steps)
@@ -322,35 +229,7 @@ def measure_velocity(c: ControlState, p: Params) -> None:
         drag = sat32((-across * p["attitude.aid_s_q24"]) >> 14)
         measured = clamp(sat32(drag + (gained(c, p, i) >> 1)), -VELOCITY_MAX_Q28, VELOCITY_MAX_Q28)
         c.measured[i] = select(airborne, measured, 0 * measured)
-        c.travel[i] = select(airborne, 0 * measured, c.travel[i])
-
-
-def correct(c: ControlState, gains: Sequence[Integer]) -> None:
-    """What the block has gained, and the corrections of the block before, propagated through this one."""
-    d = c.correction
-
-    def carry() -> None:
-        d[8] = wrap_i32(d[8] + near(c.half_lever, d[7]))
-        d[9] = wrap_i32(d[9] - near(c.half_lever, d[6]))
-
-    carry()
-    for i in HORIZONTAL:
-        d[6 + i] = wrap_i32(d[6 + i] + weighted(c.coupling[6 * i : 6 * i + 6], d))
-    carry()
-    for i in AXES:
-        change = clamp((d[BIAS + i] * BIAS_UNIT_Q31 + (1 << 30)) >> 31, -BIAS_MAX_Q32, BIAS_MAX_Q32)
-        c.bias[i] = clamp(c.bias[i] + change, -BIAS_MAX_Q32, BIAS_MAX_Q32)
-        c.scale[i] = clamp(c.scale[i] + (d[SCALE + i] >> 2), -SCALE_MAX_Q32, SCALE_MAX_Q32)
-    x, y = (clamp(d[TILT + i], -TURN_MAX_Q28, TURN_MAX_Q28) for i in HORIZONTAL)
-    c.attitude = turn_earth(c.attitude, ONE_Q30, 2 * x, 2 * y)
-    f, g, u = c.force_before
-    c.force_before = [
-        wrap_i32(f + mul(16 * y, u)),
-        wrap_i32(g - mul(16 * x, u)),
-        wrap_i32(u + mul(16 * x, g) - mul(16 * y, f)),
-    ]
-    for i in HORIZONTAL:
-        c.velocity[i] = sat32(c.velocity[i] + gains[i] + 2 * d[VELOCITY + i])
+        c.travel[i] = select(airborne != before, 0 * measured, c.travel[i])
 
 
 def control_valid(p: Params) -> bool:

@@ -28,7 +28,7 @@ def zeros(count: int) -> Callable[[], list[Integer]]:
 
 @dataclass(slots=True)
 class ControlState:
-    """Words of the record, then what else the next step needs; half is of the step under way."""
+    """Words of the record, then what else the next step needs; half and bridged_force are of the step under way."""
 
     rate: list[Integer] = field(default_factory=zeros(3))
     accel: list[Integer] = field(default_factory=zeros(3))
@@ -72,6 +72,7 @@ class ControlState:
     half_mean: list[Integer] = field(default_factory=zeros(3))
     energy: Integer = 0
     half: list[Integer] = field(default_factory=zeros(3))
+    bridged_force: list[Integer] = field(default_factory=zeros(3))
     flags: Integer = 0
     half_sixth: list[Integer] = field(default_factory=zeros(3))
     accel_sixth: list[Integer] = field(default_factory=zeros(3))
@@ -82,7 +83,6 @@ class ControlState:
     gap: Integer = 0
     gyro_run: Integer = 0
     accel_run: Integer = 0
-    lost: Integer = 0
     moved: Integer = 0
     started: Integer = 0
 
@@ -94,7 +94,7 @@ SUMS = (
 )  # fmt: skip
 KEPT = (
     "rate", "accel", "attitude", "up", "velocity_variance", "block_step", "missing_steps", "step", "half", "flags",
-    "gain", "row", "coupling", "half_lever", "tilt_growth", "velocity_growth", "force_before",
+    "bridged_force", "gain", "row", "coupling", "half_lever", "tilt_growth", "velocity_growth", "force_before",
     "measured", "thrust", "thrust_blocks", "airborne", "half_mean", "half_sixth", "accel_sixth", "started", "gap",
     "gyro_run", "accel_run", "gyro_slope", "accel_slope",
 )  # fmt: skip

@@ -1,8 +1,9 @@
 """`attitude` in float64: the equations as docs/systems/attitude.md derives them, block by block.
 
-The same blocks, the same order of the measurements and the same delay of one block as the integers have, and none of
-their rounding. The filter counts in units in which the integers do, so that one limit of variance serves all states: a
-bias in 1/4 rad/s, a scale error in 1/64, a tilt in rad, a velocity in 2 g s.
+The same blocks, the same order of the measurements and the same delays as the integers have, and none of their
+rounding: what a block has shown corrects the attitude in the first step of the next one, and is judged in the second.
+The filter counts in units in which the integers do, so that one limit of variance serves all states: a bias in 1/4
+rad/s, a scale error in 1/64, a tilt in rad, a velocity in 2 g s.
 """
 
 from __future__ import annotations
@@ -40,6 +41,10 @@ LONGEST_RUN = 255
 CARRIED_G, TAKE_OFF_BLOCKS = 0.8, 4
 """A body without thrust that feels more is carried by the ground; one with thrust for so many blocks flies."""
 BRIDGED_RAD, BRIDGED_G, BRIDGED_SUM_G = 0.43, 1200.0, 2100.0
+LASTING_PER_S = (1.0 / 128.0, 0.5)
+"""What a velocity that lasts says of the tilt, by g s: on the ground, in flight."""
+DONE, CORRECTS, JUDGES = range(3)
+"""What is left to do of the last block: one of it a step."""
 VELOCITY_ADDED_G2S2 = 0.2
 BIAS_RADPS, SCALE = np.pi / 2.0, 1.0 / 16.0
 UNITS = np.array([BIAS_UNITS] * 3 + [SCALE_UNITS] * 3)
@@ -80,8 +85,31 @@ def to_vertical(force: FloatArray) -> FloatArray:
 
 
 @dataclass
+class Sums:
+    """What the filter needs of a block: sums of half angles (3,), of their squares, of the acceleration in earth axes
+    (3,) and of the part along the body's z (2,), of the rows of the attitude's matrix (2, 3), of those by the half
+    angles (2, 3); whether it moved; thrust: the last command; variances by gaps and by samples at a limit."""
+
+    half: FloatArray = field(default_factory=lambda: np.zeros(3))
+    square: float = 0.0
+    force: FloatArray = field(default_factory=lambda: np.zeros(3))
+    thrust_force: FloatArray = field(default_factory=lambda: np.zeros(2))
+    rows: FloatArray = field(default_factory=lambda: np.zeros((2, 3)))
+    turned: FloatArray = field(default_factory=lambda: np.zeros((2, 3)))
+    moved: bool = False
+    thrust: float = 0.0
+    tilt_added_rad2: float = 0.0
+    velocity_added_g2s2: float = 0.0
+
+    def add_variance(self, tilt_rad2: float, velocity_g2s2: float) -> None:
+        self.tilt_added_rad2 = min(self.tilt_added_rad2 + tilt_rad2, VARIANCE_LIMIT)
+        self.velocity_added_g2s2 = min(self.velocity_added_g2s2 + velocity_g2s2, VELOCITY_ADDED_G2S2)
+
+
+@dataclass
 class Filter:
-    """One run's state between two blocks. correction: of the last measured block, applied at the end of the next."""
+    """One run's state between two steps. correction: of the last measured block, applied after the end of the next;
+    transition, growth, mean_radps: of the last block; sums: of the block so far, block_step its steps."""
 
     covariance: FloatArray
     attitude: FloatArray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
@@ -108,6 +136,13 @@ class Filter:
     still_blocks: int = 0
     aligned_blocks: int = 0
     started: bool = False
+    sums: Sums = field(default_factory=Sums)
+    block_step: int = 0
+    left: int = DONE
+    bridged: bool = False
+    transition: FloatArray = field(default_factory=lambda: np.eye(10))
+    growth: FloatArray = field(default_factory=lambda: np.zeros(10))
+    mean_radps: FloatArray = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -121,41 +156,17 @@ class Samples:
     gyro_clipped: BoolArray
     accel_clipped: BoolArray
 
+    def miss(self, step: int) -> None:
+        """A sample that is not taken: the acceleration of the step before stays, as long as samples are missing."""
+        self.missing[step], self.gyro_clipped[step], self.accel_clipped[step] = True, False, False
+        while step < len(self.missing) and self.missing[step]:
+            self.accel[step] = self.accel[step - 1]
+            step += 1
+
     def part(self, begin: int, end: int) -> Samples:
         cut = slice(begin, end)
         flags = (self.missing[cut], self.gyro_clipped[cut], self.accel_clipped[cut])
         return Samples(self.rate[cut], self.accel[cut], self.thrust[cut], *flags)
-
-
-@dataclass(frozen=True)
-class Sums:
-    """What the filter needs of a block. half, force: (n, 3), of each step; rows (2, 3), turned (2, 3); bridged_force
-    (3,): of gaps that ended in it; thrust_force (2,): along the body's z; thrust: the last command;
-    added: variances by gaps and by samples at a limit."""
-
-    half: FloatArray
-    force: FloatArray
-    rows: FloatArray
-    turned: FloatArray
-    moved: bool
-    bridged_force: FloatArray
-    thrust_force: FloatArray
-    thrust: float
-    tilt_added_rad2: float
-    velocity_added_g2s2: float
-
-
-@dataclass
-class Added:
-    """What gaps and samples at a limit add to a block: acceleration in earth axes, (3,), and variances."""
-
-    force_g: FloatArray = field(default_factory=lambda: np.zeros(3))
-    tilt_rad2: float = 0.0
-    velocity_g2s2: float = 0.0
-
-    def add(self, tilt_rad2: float, velocity_g2s2: float) -> None:
-        self.tilt_rad2 = min(self.tilt_rad2 + tilt_rad2, VARIANCE_LIMIT)
-        self.velocity_g2s2 = min(self.velocity_g2s2 + velocity_g2s2, VELOCITY_ADDED_G2S2)
 
 
 class Model:
@@ -191,6 +202,7 @@ class Model:
         fresh.force_before, fresh.half_mean = x.force_before, x.half_mean
         fresh.gap, fresh.runs, fresh.slopes = x.gap, x.runs, x.slopes
         fresh.measured_gs, fresh.thrust_blocks, fresh.airborne = x.measured_gs, x.thrust_blocks, x.airborne
+        fresh.block_step = x.block_step
         return fresh
 
     def taken(self, counts: FloatArray, thrust: FloatArray) -> Samples:
@@ -217,103 +229,110 @@ class Model:
             half = both[last]
         return np.asarray(half)
 
-    def summed(self, x: Filter, samples: Samples) -> tuple[Sums, FloatArray]:
-        """Turns the attitude through the samples; the sums of the block, and the attitude after each step (n, 4)."""
-        half, accel = self.half_angles(x, samples), samples.accel
+    def summed(self, x: Filter, samples: Samples) -> FloatArray:
+        """Turns the attitude through the samples, adds them to the sums; the attitude after each step (n, 4)."""
+        half, accel, sums = self.half_angles(x, samples), samples.accel, x.sums
         strong = np.linalg.norm(accel, axis=1) >= WORTHLESS_G
         begin = 0 if x.started else int(np.argmax(strong)) if strong.any() else len(half)
         alone = np.arange(len(half)) <= (-1 if x.started else begin)  # steps that have none before them
         half_before = np.where(alone[:, None], half, np.concatenate([x.half_before[None], half[:-1]]))
         accel_before = np.where(alone[:, None], accel, np.concatenate([x.accel_before[None], accel[:-1]]))
-        mean = x.half_mean
         if not x.started:
-            mean = np.where(alone[:, None], half, half[min(begin, len(half) - 1)])
+            x.half_mean = half[min(begin, len(half) - 1)]
+        mean = np.where(alone[:, None], half, x.half_mean)
         coned = half + np.cross(half_before / 6.0, half)
         products, attitudes, q = right_products(coned), np.empty((len(half), 4)), x.attitude
-        added = Added()
         for step, product in enumerate(products):
+            by = (half[step] - half_before[step], accel[step] - accel_before[step])
+            gap, force = 0, np.zeros(3)
             if samples.missing[step]:
                 x.gap = min(x.gap + 1, LONGEST_RUN)
             else:
-                if x.gap and x.started:
-                    by = (half[step] - half_before[step], accel[step] - accel_before[step])
-                    q = self.bridge(added, x.gap, q, *by)
-                x.gap = 0
-                self.count_clipped(
-                    x,
-                    added,
-                    (half[step] - half_before[step], accel[step] - accel_before[step]),
-                    (bool(samples.gyro_clipped[step]), bool(samples.accel_clipped[step])),
-                )
+                gap, x.gap = x.gap, 0
+                if gap and x.started:
+                    q, force = self.bridge(sums, gap, q, *by)
+                if x.started:
+                    self.count_clipped(x, by, (bool(samples.gyro_clipped[step]), bool(samples.accel_clipped[step])))
             if not x.started and step == begin:
                 q, x.started = turned(to_vertical(accel[step]), q), True
             attitudes[step] = q = product @ q
+            x.bridged = gap > 0
+            if x.bridged:
+                sums.force = np.clip(sums.force + matrices(q[None])[0] @ force, -BRIDGED_SUM_G, BRIDGED_SUM_G)
         x.attitude, x.half_before, x.accel_before = q, half[-1], accel[-1]
 
         matrix = matrices(attitudes)
         moved_to_end = accel + np.cross(half_before / 3.0 - 2.0 * half, accel) / 2.0
         sculled = moved_to_end + np.cross(accel_before, half) / 6.0
-        return (
-            Sums(
-                half,
-                np.einsum("nij,nj->ni", matrix, sculled),
-                matrix[:, :2].sum(axis=0),
-                np.einsum("nij,nj->ij", matrix[:, :2], half),
-                bool((np.abs(half - mean) > DEG * self.tuning.rest.gyro_dps * self.period_s / 2.0).any()),
-                added.force_g,
-                np.einsum("ni,n->i", matrix[:, :2, 2], sculled[:, 2]),
-                float(samples.thrust[-1]),
-                added.tilt_rad2,
-                added.velocity_g2s2,
-            ),
-            attitudes,
-        )
+        sums.half, sums.square = sums.half + half.sum(axis=0), sums.square + float(np.sum(half**2))
+        sums.force = sums.force + np.einsum("nij,nj->i", matrix, sculled)
+        sums.thrust_force = sums.thrust_force + np.einsum("ni,n->i", matrix[:, :2, 2], sculled[:, 2])
+        sums.rows = sums.rows + matrix[:, :2].sum(axis=0)
+        sums.turned = sums.turned + np.einsum("nij,nj->ij", matrix[:, :2], half)
+        still_rad = DEG * self.tuning.rest.gyro_dps * self.period_s / 2.0
+        sums.moved = sums.moved or bool((np.abs(half - mean) > still_rad).any())
+        sums.thrust = float(samples.thrust[-1])
+        return attitudes
 
     def bridge(
-        self, added: Added, steps: int, attitude: FloatArray, by_half: FloatArray, by_accel: FloatArray
-    ) -> FloatArray:
-        """The attitude after a gap: the held turn becomes that of a straight line between the samples on both sides.
+        self, sums: Sums, steps: int, attitude: FloatArray, by_half: FloatArray, by_accel: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The attitude after a gap: the held turn becomes that of a straight line between the samples on both sides;
+        and the acceleration that the gap adds, in body axes.
 
         The variance is that of a random walk between them, (time * difference)^2 / 12, and half as much again.
         """
-        quarter = np.clip(by_half * steps / 4.0, -BRIDGED_RAD, BRIDGED_RAD)
-        product = right_products(quarter[None])[0]
-        bridged: FloatArray = product @ (product @ attitude)
-        force = np.clip(by_accel * (steps / 2.0), -BRIDGED_G, BRIDGED_G)
-        added.force_g = np.clip(added.force_g + matrices(bridged[None])[0] @ force, -BRIDGED_SUM_G, BRIDGED_SUM_G)
-        added.add(
+        by = np.clip(by_half * steps / 4.0, -BRIDGED_RAD, BRIDGED_RAD)
+        half_way = right_products(by[None])[0]
+        bridged: FloatArray = half_way @ (half_way @ attitude)
+        sums.add_variance(
             steps**2 * float(by_half @ by_half) / 2.0,
             (steps * self.period_s) ** 2 * float(by_accel @ by_accel) / 8.0,
         )
-        return bridged
+        return bridged, np.clip(by_accel * (steps / 2.0), -BRIDGED_G, BRIDGED_G)
 
-    def count_clipped(
-        self, x: Filter, added: Added, by: tuple[FloatArray, FloatArray], clipped: tuple[bool, bool]
-    ) -> None:
-        """Samples in a row at a limit: what they hide is between nothing and a parabola, time^2 slope / 6."""
+    def count_clipped(self, x: Filter, by: tuple[FloatArray, FloatArray], clipped: tuple[bool, bool]) -> None:
+        """Samples in a row at a limit: what they hide is between nothing and a parabola, time^2 slope / 6, with the
+        larger slope of both ends."""
         hidden = [0.0, 0.0]
         for sensor, (change, at_limit) in enumerate(zip(by, clipped, strict=True)):
-            steps, square = x.runs[sensor], float(change @ change) if x.started else 0.0
-            x.slopes[sensor] = square if not steps else max(square, x.slopes[sensor])
+            steps, square = x.runs[sensor], float(change @ change)
             x.runs[sensor] = min(steps + 1, LONGEST_RUN) if at_limit else 0
-            hidden[sensor] = 0.0 if at_limit else steps**4 * x.slopes[sensor] / 108.0
-        added.add(4.0 * hidden[0], hidden[1] * self.period_s**2)
+            if at_limit and not steps:
+                x.slopes[sensor] = square
+            elif steps and not at_limit:
+                hidden[sensor] = steps**4 * max(square, x.slopes[sensor]) / 108.0
+        x.sums.add_variance(4.0 * hidden[0], hidden[1] * self.period_s**2)
 
-    def closed(self, x: Filter, sums: Sums) -> Filter:
-        """The state after the last step of a block."""
-        rest, steps = self.tuning.rest, self.steps
-        force = sums.force.sum(axis=0) + sums.bridged_force
-        mean_radps = 2.0 * sums.half.sum(axis=0) / self.block_s
-        moved = sums.moved or bool((np.abs(force - x.force_before) > rest.accel_g * steps).any())
-        moved = moved or bool((np.abs(mean_radps) > DEG * rest.turn_dps).any())
-        x.force_before, x.half_mean = force, sums.half.sum(axis=0) / steps
+    def closed(self, x: Filter) -> None:
+        """The last step of a block: what it has gained, how the errors have grown in it, whether it rests."""
+        rest, steps, sums = self.tuning.rest, self.steps, x.sums
+        x.mean_radps = 2.0 * sums.half / self.block_s
+        moved = sums.moved or bool((np.abs(sums.force - x.force_before) > rest.accel_g * steps).any())
+        moved = moved or bool((np.abs(x.mean_radps) > DEG * rest.turn_dps).any())
+        x.force_before, x.half_mean = sums.force, sums.half / steps
         x.still_blocks = 0 if moved else min(x.still_blocks + 1, self.rest_blocks)
-        x.rise_g += self.block_s / self.tuning.motion.travel_s * (1.0 - float(force[2]) / steps - x.rise_g)
-        lost = x.rise_g > RISE_G or (x.still_blocks == self.rest_blocks and tilted_at_rest(force / steps))
+        x.sums, x.block_step = Sums(), 0
+        gained_gs = sums.force * self.period_s
         if x.aligned_blocks < ALIGNING_BLOCKS:
-            self.align(x, force * self.period_s)
-            return x
-        return self.corrected(x, sums, force * self.period_s, mean_radps, lost=lost)
+            self.align(x, gained_gs)
+            return
+        x.transition = self.transition(sums, float(gained_gs[2]))
+        x.velocity_gs = x.velocity_gs + gained_gs[:2]
+        jumped = self.measure_velocity(x, sums, gained_gs)
+        x.growth = self.growth.copy()
+        x.growth[TILTS] = self.tilt_growth(x, sums)
+        x.growth[VELOCITIES] = (VELOCITY_ADDED_G2S2 if jumped else sums.velocity_added_g2s2) / VELOCITY_UNIT_GS**2
+        x.left = CORRECTS
+
+    def taken_up(self, x: Filter) -> Filter:
+        """The state after a step that does what is left of the last block."""
+        if x.left == JUDGES:
+            return self.judged(x)
+        if x.left == CORRECTS:
+            self.correct(x)
+            x.left = JUDGES
+        return x
 
     def align(self, x: Filter, gained_gs: FloatArray) -> None:
         """The vertical is the mean acceleration of all blocks so far."""
@@ -339,10 +358,11 @@ class Model:
         """How far the velocity is trusted to be zero, g^2 s^2; a velocity that lasts is remembered as travel."""
         motion = self.tuning.motion
         x.square_g2s2 += self.block_s / motion.pass_s * (float(x.velocity_gs @ x.velocity_gs) - x.square_g2s2)
+        off_gs = np.clip(x.velocity_gs - x.measured_gs, -VELOCITY_GS, VELOCITY_GS)
+        x.travel_gs = x.travel_gs + self.block_s / motion.travel_s * (off_gs - x.travel_gs)
         if x.airborne:
             x.travel_excess_g2s2 = 0.0
             return (self.tuning.aid.velocity_mps / G_MPS2) ** 2
-        x.travel_gs = x.travel_gs + self.block_s / motion.travel_s * (x.velocity_gs - x.travel_gs)
         explained = VELOCITY_UNIT_GS**2 * float(x.covariance[8, 8] + x.covariance[9, 9])
         excess = float(x.travel_gs @ x.travel_gs) - explained - (motion.travel_mps / G_MPS2) ** 2
         x.travel_excess_g2s2 *= 1.0 - TRAVEL_HOLD * self.block_s / motion.travel_s
@@ -368,43 +388,46 @@ class Model:
         if x.airborne:
             across_g = gained_gs[:2] / self.block_s - sums.thrust_force / self.steps
             x.measured_gs = np.clip(-across_g / aid.drag_per_s + gained_gs[:2] / 2.0, -VELOCITY_GS, VELOCITY_GS)
+        if x.airborne != before:
             x.travel_gs = np.zeros(2)
         return x.airborne != before
 
     def tilt_growth(self, x: Filter, sums: Sums) -> float:
         """How much the tilt has become uncertain in a block, rad^2."""
         errors = self.tuning.errors
-        turned_rad2 = 4.0 * float(np.sum(sums.half**2)) / self.period_s
+        turned_rad2 = 4.0 * sums.square / self.period_s
         lasting_mps = G_MPS2 * float(np.linalg.norm(x.travel_gs))
-        doubt = 0.0 if x.travel_excess_g2s2 > TRAVELS_G2S2 else errors.turn_doubt * lasting_mps
+        doubt = 0.0 if x.airborne or x.travel_excess_g2s2 > TRAVELS_G2S2 else errors.turn_doubt * lasting_mps
         blind = max(x.gap, x.runs[0]) >= self.steps
         growth = (DEG * errors.noise_dps) ** 2 * self.block_s + (errors.turn_noise**2 + doubt**2) * turned_rad2
         return growth + sums.tilt_added_rad2 + ((DEG * errors.clipped_deg) ** 2 if blind else 0.0)
 
-    def corrected(self, x: Filter, sums: Sums, gained_gs: FloatArray, mean_radps: FloatArray, *, lost: bool) -> Filter:
-        """The correction of the block before, brought to the end of this one; then this one is measured."""
-        transition = self.transition(sums, float(gained_gs[2]))
-        d = transition @ x.correction
+    def correct(self, x: Filter) -> None:
+        """The correction of the block before, brought to the end of the last one."""
+        d = x.transition @ x.correction
         x.bias_radps = np.clip(x.bias_radps + d[BIASES] / BIAS_UNITS, -BIAS_RADPS, BIAS_RADPS)
         x.scale = np.clip(x.scale + d[SCALES] / SCALE_UNITS, -SCALE, SCALE)
         tilt = np.array([*np.clip(d[TILTS], -TILT_STEP_RAD, TILT_STEP_RAD), 0.0])
         x.attitude = turned(np.array([1.0, *(tilt / 2.0)]), x.attitude)
         x.attitude /= np.linalg.norm(x.attitude)
         x.force_before = x.force_before + np.cross(tilt, x.force_before)
-        jumped = self.measure_velocity(x, sums, gained_gs)
-        growth = self.growth.copy()
-        growth[TILTS] = self.tilt_growth(x, sums)
-        growth[VELOCITIES] = (VELOCITY_ADDED_G2S2 if jumped else sums.velocity_added_g2s2) / VELOCITY_UNIT_GS**2
+        x.velocity_gs = x.velocity_gs + VELOCITY_UNIT_GS * d[VELOCITIES]
 
-        v = np.clip(x.velocity_gs + gained_gs[:2] + VELOCITY_UNIT_GS * d[VELOCITIES], -VELOCITY_GS, VELOCITY_GS)
+    def judged(self, x: Filter) -> Filter:
+        """What the last block has shown; then its measurements, or a new start."""
+        v = np.clip(x.velocity_gs, -VELOCITY_GS, VELOCITY_GS)
         x.velocity_gs = v if x.airborne else v * (1.0 - self.block_s / self.tuning.motion.leak_s)
         variance = self.velocity_variance(x) / VELOCITY_UNIT_GS**2
-        x.tilt_rad2 = float(x.covariance[6, 6] + x.covariance[7, 7])
+        lasting = float(np.linalg.norm(x.travel_gs)) * LASTING_PER_S[x.airborne]
+        x.tilt_rad2 = float(x.covariance[6, 6] + x.covariance[7, 7]) + lasting**2
 
-        resting = x.still_blocks == self.rest_blocks
-        if lost or (resting and float(np.linalg.norm(x.velocity_gs)) > REST_SPEED_GS):
+        mean_g, resting, x.left = x.force_before / self.steps, x.still_blocks == self.rest_blocks, DONE
+        x.rise_g += self.block_s / self.tuning.motion.travel_s * (1.0 - float(mean_g[2]) - x.rise_g)
+        fast = float(np.linalg.norm(x.velocity_gs)) > REST_SPEED_GS
+        if x.rise_g > RISE_G or (resting and (tilted_at_rest(mean_g) or fast)):
             return self.restarted(x)
-        x.covariance = transition @ x.covariance @ transition.T
+        x.covariance = x.transition @ x.covariance @ x.transition.T
+        growth = x.growth
         if x.travel_excess_g2s2 > TRAVELS_G2S2:  # nothing tells a bias from travel
             growth[BIASES] = 0.0
         diagonal = np.diagonal(x.covariance)
@@ -416,7 +439,7 @@ class Model:
             measure(x, 8 + axis, float(x.measured_gs[axis] - x.velocity_gs[axis]) / VELOCITY_UNIT_GS, variance)
         if resting:
             for axis in range(3):
-                measure(x, axis, float(mean_radps[axis]) * BIAS_UNITS, self.rest_variance, gated=True)
+                measure(x, axis, float(x.mean_radps[axis]) * BIAS_UNITS, self.rest_variance, gated=True)
         return x
 
 
@@ -447,23 +470,33 @@ NAMES = (
 )
 
 
+def known_of(x: Filter) -> list[float]:
+    """The columns NAMES behind the vertical."""
+    return [*x.bias_radps / DEG, *x.scale, *x.velocity_gs, float(np.sqrt(max(x.tilt_rad2, 0.0))) / DEG]
+
+
 def one_run(tuning: AttitudeTuning, counts: FloatArray, thrust: FloatArray) -> FloatArray:
     """The columns NAMES of one run, (steps, names). thrust: commands, share of the most, (steps,)."""
     model = Model(tuning)
     x, samples = model.begun(), model.taken(counts, thrust)
     found = np.empty((len(counts), len(NAMES)))
-    for begin in range(0, len(counts), model.steps):
-        end = min(begin + model.steps, len(counts))
-        known = (x.bias_radps / DEG, x.scale, x.velocity_gs, [np.sqrt(max(x.tilt_rad2, 0.0)) / DEG])
-        found[begin:end, 7:] = np.concatenate(known)
-        sums, attitudes = model.summed(x, samples.part(begin, end))
-        if end - begin == model.steps:
-            x = model.closed(x, sums)
-            attitudes[-1] = x.attitude
-            known = (x.bias_radps / DEG, x.scale, x.velocity_gs, [np.sqrt(max(x.tilt_rad2, 0.0)) / DEG])
-            found[end - 1, 7:] = np.concatenate(known)
-        found[begin:end, :4] = attitudes
-        found[begin:end, 4:7] = matrices(attitudes)[:, 2]
+    begin, known = 0, known_of(x)
+    while begin < len(counts):
+        last = begin + model.steps - x.block_step - 1
+        if last < len(counts) and samples.missing[last - 1]:  # the last step of a block takes no sample after a gap
+            samples.miss(last)
+        end = min(begin + 1 if x.left else last + 1, len(counts))
+        attitudes = model.summed(x, samples.part(begin, end))
+        x.block_step += end - begin
+        if not x.bridged:
+            x = model.taken_up(x)
+        if x.block_step == model.steps:
+            model.closed(x)
+        attitudes[-1] = x.attitude
+        found[begin:end, :4], found[begin:end, 4:7] = attitudes, matrices(attitudes)[:, 2]
+        found[begin : end - 1, 7:] = known
+        found[end - 1, 7:] = known = known_of(x)
+        begin = end
     return found
 
 
