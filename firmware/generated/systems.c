@@ -162,7 +162,7 @@ void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB
         plumb_phone_step(&c->phone, p, raw, setpoint);
         return;
     }
-    if (__builtin_expect(p->system == PLUMB_SYSTEM_ATTITUDE, 1)) { /* 4000 cycles */
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_ATTITUDE, 1)) { /* 2900 cycles */
         plumb_attitude_step(&c->attitude, p, raw, setpoint);
         return;
     }

@@ -146,7 +146,7 @@ typedef struct {
 /* attitude: attitude in three dimensions from a gyro and an accelerometer, with a Kalman filter that learns the gyro's errors */
 #define PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED (1U << 0) /* a rate was at its limit: the tilt may be off */
 #define PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED (1U << 1) /* an acceleration was at its limit */
-#define PLUMB_ATTITUDE_FLAG_MISSING (1U << 2) /* no sample in this step: rate and acceleration go on as they were, until the next sample bridges the gap */
+#define PLUMB_ATTITUDE_FLAG_MISSING (1U << 2) /* no sample in this step, or a gap in the last step of a block: rate and acceleration go on as they were, until the next sample bridges the gap */
 #define PLUMB_ATTITUDE_FLAG_ALIGNING (1U << 3) /* the first blocks: the vertical is the mean acceleration */
 #define PLUMB_ATTITUDE_FLAG_REST (1U << 4) /* the last block was at rest: it measured the bias */
 #define PLUMB_ATTITUDE_FLAG_FALLING (1U << 5) /* the mean vertical acceleration of the last block was below half of g */
@@ -167,9 +167,9 @@ typedef struct {
     int32_t velocity_gs_q28[2]; /* integrated horizontal acceleration, earth axes */
     int32_t velocity_square_g2s2_q24; /* low-pass of the square of that velocity */
     uint32_t velocity_variance_g2s2_q26; /* variance with which the last block took the velocity for zero */
-    uint32_t tilt_variance_rad2_q32; /* variance of the tilt, sum of both axes */
+    uint32_t tilt_variance_rad2_q32; /* stated variance of the tilt, sum of both axes: the filter's, and what a lasting velocity says of it */
     uint32_t block_step; /* steps of the block so far */
-    uint32_t missing_steps; /* steps so far without a sample */
+    uint32_t missing_steps; /* steps so far that took no sample */
     uint32_t flags; /* PLUMB_ATTITUDE_FLAG_* of this step */
     uint32_t step; /* number of this step in the run, from 1 */
 } plumb_attitude_words_t;
