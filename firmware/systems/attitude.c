@@ -61,6 +61,11 @@ typedef char attitude_assert_size[sizeof(plumb_attitude_t) <= 768U ? 1 : -1];
 #define SHARED static
 #endif
 
+/* sat_i32 of what is computed seldom: once in the image. */
+SELDOM int32_t saturated(int64_t x) {
+    return sat_i32(x);
+}
+
 static uint32_t limited(uint64_t x, uint32_t most) {
     return x < most ? (uint32_t)x : most;
 }
@@ -196,7 +201,7 @@ SELDOM void correct(plumb_attitude_t *c) {
     turn_earth(&w->attitude, ONE_Q30, 2 * x, 2 * y);
     turn_force(c->force_before_q18, 16 * x, 16 * y);
     for (unsigned i = 0; i < 2U; i++)
-        w->velocity_gs_q28[i] = sat_i32(w->velocity_gs_q28[i] + 2 * (int64_t)by[VELOCITY + i]);
+        w->velocity_gs_q28[i] = saturated(w->velocity_gs_q28[i] + 2 * (int64_t)by[VELOCITY + i]);
 }
 
 /* A body at rest whose acceleration is 1 g, within 5 %, and 26 deg or more off the vertical: a body that
@@ -291,14 +296,14 @@ SHARED bool compute_slice(plumb_attitude_t *c, const plumb_attitude_params_t *p)
         else
             plumb_error_filter_weigh(
                 &c->errors, BIAS + number - 2U, (uint32_t)p->rest_variance,
-                sat_i32(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)));
+                saturated(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)));
     }
     return false;
 }
 
 /* Velocity that a block has gained, g s Q28. */
-static int32_t gained(int32_t force_sum_q18, int32_t dt_s_q33) {
-    return sat_i32(asr64(mul_i64(force_sum_q18, dt_s_q33), 23));
+SELDOM int32_t gained(int32_t force_sum_q18, int32_t dt_s_q33) {
+    return saturated(asr64(mul_i64(force_sum_q18, dt_s_q33), 23));
 }
 
 /* How much the tilt has become uncertain in a block, rad^2 Q32. Lasting velocities say that turns were
@@ -336,8 +341,8 @@ static void measure_velocity(plumb_attitude_t *c, const plumb_attitude_params_t 
     for (unsigned i = 0; i < 2U; i++) {
         const int32_t across_q18 =
             mulhi_i32(sub_wrap(c->force_sum_q18[i], c->thrust_sum_q18[i]), p->inverse_block_q32);
-        const int32_t drag_gs = sat_i32(asr64(mul_i64(-across_q18, p->aid_s_q24), 14));
-        c->measured_gs_q28[i] = airborne ? clamp_i32(sat_i32((int64_t)drag_gs + asr32(gained[i], 1)),
+        const int32_t drag_gs = saturated(asr64(mul_i64(-across_q18, p->aid_s_q24), 14));
+        c->measured_gs_q28[i] = airborne ? clamp_i32(saturated((int64_t)drag_gs + asr32(gained[i], 1)),
                                                      -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28)
                                          : 0;
     }
@@ -365,9 +370,9 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     const bool aligning = c->aligned_blocks < ALIGNING_BLOCKS;
     if (aligning) {
         /* the vertical is the mean of all so far; at least 1/32 g s, so that a fall turns nothing */
-        const int32_t x = sat_i32((int64_t)w->velocity_gs_q28[0] + gains[0]);
-        const int32_t y = sat_i32((int64_t)w->velocity_gs_q28[1] + gains[1]);
-        const int32_t z = sat_i32((int64_t)c->errors.correction_q28[0] + gained(c->force_sum_q18[2], dt));
+        const int32_t x = saturated((int64_t)w->velocity_gs_q28[0] + gains[0]);
+        const int32_t y = saturated((int64_t)w->velocity_gs_q28[1] + gains[1]);
+        const int32_t z = saturated((int64_t)c->errors.correction_q28[0] + gained(c->force_sum_q18[2], dt));
         const uint32_t half = align(&w->attitude, asr32(x, 2), asr32(y, 2), asr32(z, 2), 1U << 20);
         c->errors.correction_q28[0] = (int32_t)min_u32(half << 3, INT32_MAX);
         w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
@@ -378,7 +383,7 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
             flags |= PLUMB_ATTITUDE_FLAG_ALIGNING;
     } else {
         const int32_t time_q32 = (int32_t)((uint32_t)p->block_steps * p->dt_s_q33 >> 1);
-        const int32_t lever = sat_i32(asr64(mul_i64(c->force_sum_q18[2], dt), 20));
+        const int32_t lever = saturated(asr64(mul_i64(c->force_sum_q18[2], dt), 20));
         c->errors.half_lever_q32 = asr32(clamp_i32(lever, asr32(time_q32, 2), time_q32), 1);
         for (unsigned i = 0; i < 2U; i++)
             for (unsigned j = 0; j < 3U; j++) {
@@ -386,7 +391,7 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
                 c->errors.coupling_q32[i][SCALE + j] = -asr32(c->turned_sum_q28[i][j], 1);
             }
         for (unsigned i = 0; i < 2U; i++)
-            w->velocity_gs_q28[i] = sat_i32((int64_t)w->velocity_gs_q28[i] + gains[i]);
+            w->velocity_gs_q28[i] = saturated((int64_t)w->velocity_gs_q28[i] + gains[i]);
         if (p->aid_s_q24 != 0)
             measure_velocity(c, p, gains);
 
