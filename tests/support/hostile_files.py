@@ -202,30 +202,39 @@ def plog(rng: random.Random, identity: dict[str, object], table: dict[str, int])
 
 
 def npz(rng: random.Random) -> bytes:
-    """Arrays whose headers lie: shapes, types, lengths of headers, and members that are bombs."""
+    """Arrays, up to two of which have headers that lie: shapes, types, lengths, and members that are bombs."""
+    arrays = (("gyr", 3), ("acc", 3), ("rate_hz", 0), ("ref_quat", 4), ("movement", 0))
+    lying = rng.sample(arrays, rng.choice([0, 1, 1, 1, 2]))
     out = BytesIO()
     with zipfile.ZipFile(out, "w", rng.choice([zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED, zipfile.ZIP_LZMA])) as archive:
-        for name, width in (("gyr", 3), ("acc", 3), ("rate_hz", 0), ("ref_quat", 4), ("movement", 0)):
-            rows = rng.choice([1000, 1000, 1000, 0, 1])
+        for name, width in arrays:
+            lies = (name, width) in lying
+            rows = rng.choice([1000, 1000, 1000, 0, 1]) if lies else 1000
             shape: object = (rows, width) if width else ((rows,) if name == "movement" else ())
             described: object = "<f8"
-            payload = bytes(8 * max(rows * max(width, 1), 1))
-            if rng.random() < 0.3:
+            payload = struct.pack("<d", 100.0) if name == "rate_hz" else bytes(8 * max(rows * max(width, 1), 1))
+            if lies and rng.random() < 0.3:
                 shape = rng.choice(
                     [(1 << 40, 3), (-5, 3), (1 << 62, 1 << 62), (1000,) * 40, "x", (1.5, 3), (0, 1 << 62)]
                 )
-            if rng.random() < 0.2:
+            if lies and rng.random() < 0.2:
                 described = rng.choice(
                     ["|O", "<U9999999", "|V0", "x", [("a", "<f8", (1 << 30,))], "<c16", "|S0", "<M8[s]"]
                 )
-            text = repr({"descr": described, "fortran_order": rng.choice([False, True, 3]), "shape": shape})
-            text = rng.choice([text] * 6 + ["(" * 5000, "{}", "[" * 200 + "]" * 200, text * 500, "__import__('os')"])
-            length, version = len(text) + 1, rng.choice([1, 1, 1, 2, 3, 9])
-            if rng.random() < 0.15:
+            text = repr(
+                {"descr": described, "fortran_order": rng.choice([False, True, 3]) if lies else False, "shape": shape}
+            )
+            text = (
+                text
+                if not lies
+                else rng.choice([text] * 6 + ["(" * 5000, "{}", "[" * 200 + "]" * 200, text * 500, "__import__('os')"])
+            )
+            length, version = len(text) + 1, rng.choice([1, 1, 1, 2, 3, 9]) if lies else 1
+            if lies and rng.random() < 0.15:
                 length = rng.choice([0, 65535, (1 << 32) - 1])
             size = struct.pack("<H", length & 65535) if version == 1 else struct.pack("<I", length)
             data = b"\x93NUMPY" + bytes([version, 0]) + size + text.encode() + b"\n" + payload
-            if rng.random() < 0.1:
+            if lies and rng.random() < 0.1:
                 data += bytes(32 << 20)
             archive.writestr(f"{name}.npy", data)
         for number in range(rng.choice([0, 0, 0, 3000])):
