@@ -72,12 +72,13 @@ class Plant:
     """The prescribed level: nothing that a board puts out moves it."""
 
     scenario: Scenario
+    samples: npt.NDArray[np.int16]
 
     def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
         """Nothing follows."""
 
     def counts(self, time_s: float) -> tuple[int, ...]:
-        return tuple(self.scenario.counts()[self._at(time_s)].tolist())
+        return tuple(self.samples[self._at(time_s)].tolist())
 
     def truth(self, time_s: float) -> dict[str, float]:
         return {"level_counts": float(self.scenario.level_counts[self._at(time_s)])}
@@ -90,7 +91,7 @@ class Plant:
 
 
 def plant(run: Scenario, *, open_loop: bool = True) -> Plant:
-    return Plant(run)
+    return Plant(run, run.counts())
 
 
 def scenario(
