@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from plumb.boards import native_core
+from plumb.kernels.fixed import kernels as fixed_kernels
 from plumb.kernels.fixed import trig
 from plumb.proof.compare import count_mismatches, first_digest_divergence, first_divergence
 from plumb.spec.records import RECORDS, Words, names_of
@@ -126,8 +127,8 @@ def test_tilt_and_trust() -> None:
     for params in wild_params_of_all_runs()[:60]:
         turn, variance = native_core.tilt_and_trust(params, y, z)
         columns = run_fixed.stack(params, 1)
-        assert np.array_equal(run_fixed.tilt(y, z, columns), turn)
-        assert np.array_equal(run_fixed.trust(y, z, columns), variance)
+        assert np.array_equal(fixed_kernels.tilt(y, z, columns), turn)
+        assert np.array_equal(fixed_kernels.trust(y, z, columns), variance)
 
 
 def states(params: ControlParams, rng: np.random.Generator, n: int) -> npt.NDArray[np.void]:
@@ -151,8 +152,8 @@ def test_kalman_step_on_unrelated_states() -> None:
         before = states(params, rng, n)
         r = np.clip((1 << 24) >> rng.integers(0, 25, n), 1, 1 << 24)
         z, u = rng.choice(INT32, n), rng.choice(INT32, n)
-        k = run_fixed.KalmanState(*(before[name].astype(np.int64) for name in before.dtype.names or ()))
-        run_fixed.kalman_step(k, run_fixed.stack(params, 1), r, z, u)
+        k = fixed_kernels.KalmanState(*(before[name].astype(np.int64) for name in before.dtype.names or ()))
+        fixed_kernels.kalman_step(k, run_fixed.stack(params, 1), r, z, u)
         after = native_core.kalman_step(params, before, r, z, u)
         for name in before.dtype.names or ():
             assert np.array_equal(getattr(k, name), after[name].astype(np.int64)), name
@@ -168,8 +169,8 @@ def test_pid_step_on_unrelated_states() -> None:
         before["command_q22"][::2] ^= np.int32(1) << rng.integers(0, 31, n // 2).astype(np.int32)  # flipped bits
         error, rate = rng.choice(INT32, n), rng.choice(INT32, n)
         names = ("integral_q54", "command_q22", "rate_filtered_turnps_q27", "excess_q22")
-        c = run_fixed.PidState(*(before[name].astype(np.int64) for name in names))
-        run_fixed.pid_step(c, run_fixed.stack(params, 1), error, rate)
+        c = fixed_kernels.PidState(*(before[name].astype(np.int64) for name in names))
+        fixed_kernels.pid_step(c, run_fixed.stack(params, 1), error, rate)
         after = native_core.pid_step(params, before, error, rate)
         for name in names:
             assert np.array_equal(getattr(c, name), after[name].astype(np.int64)), name

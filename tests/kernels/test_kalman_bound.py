@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from plumb.boards import native_core
+from plumb.kernels.fixed import kernels as fixed_kernels
+from plumb.kernels.reference import kernels as reference_kernels
 from plumb.proof import accuracy
 from plumb.spec.tuning import Kalman, Pid, Start, Trust
-from plumb.systems import run_fixed, run_reference
+from plumb.systems import run_reference
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import ControlParams, quantise
 from support.tuning_box import CORNERS, corner
@@ -48,10 +50,10 @@ def test_fixed_is_what_was_measured(name: str) -> None:
     params = quantise(quad.TUNINGS[name])
     inputs = accuracy.hard_inputs(params, 20_000, seed=11)
     fused, _ = native_core.kalman_run(params, inputs.variance, inputs.tilt_turn_q32, inputs.rate_turnps_q28)
-    k = run_fixed.kalman_init(params.values)
+    k = fixed_kernels.kalman_init(params.values)
     rows = zip(inputs.variance.tolist(), inputs.tilt_turn_q32.tolist(), inputs.rate_turnps_q28.tolist(), strict=True)
     for expected, (r, z, u) in zip(fused.tolist(), rows, strict=True):
-        run_fixed.kalman_step(k, params.values, r, z, u)
+        fixed_kernels.kalman_step(k, params.values, r, z, u)
         assert ((k.tilt_turn_q61 >> 29) + 2**31) % 2**32 - 2**31 == expected
 
 
@@ -97,7 +99,7 @@ def test_the_whole_chain_from_counts(name: str) -> None:
         words = native_core.run_control(params, run.counts(), run.setpoint())
         truth = run_reference.run_control(params, run.counts(), run.setpoint())
         tilt_deg = words["tilt_turn_q32"] * accuracy.TURN_DEG
-        error_deg = float(np.abs(run_reference.wrap(tilt_deg - truth["tilt_deg"])).max())
+        error_deg = float(np.abs(reference_kernels.wrap(tilt_deg - truth["tilt_deg"])).max())
         assert error_deg <= min(5e-4, accuracy.chain_bound_deg(params, float(np.abs(truth["innovation_deg"]).max())))
         assert np.abs(words["bias_turnps_q28"] * 360 / 2**28 - truth["bias_dps"]).max() <= 2e-3
         assert np.abs(words["pulse_halfus_0"] / 2 - truth["pulse_0_us"]).max() <= 0.5

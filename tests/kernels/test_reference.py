@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from plumb.kernels.reference import kernels as reference_kernels
 from plumb.kernels.reference.blending import complementary_step, weighted_average
 from plumb.spec.tuning import Kalman, Start
-from plumb.systems import run_reference
 
 PERIOD_S = 0.02
 PAPER = Kalman(0.5, 0.25)  # Q = diag(0.01, 0.005) per step of 20 ms
@@ -34,9 +34,9 @@ def steady_gains(settings: Kalman, period_s: float, r: float) -> tuple[float, fl
 @pytest.mark.parametrize("r", [0.056, 1.0, 30.0])
 @pytest.mark.parametrize("period_s", [0.02, 0.0005, 0.1])
 def test_gain_settles_at_the_riccati_solution(period_s: float, r: float) -> None:
-    x = run_reference.kalman_init(Start())
+    x = reference_kernels.kalman_init(Start())
     for _ in range(int(40 / period_s)):
-        run_reference.kalman_step(x, PAPER, period_s, 0.0, 0.0, r)
+        reference_kernels.kalman_step(x, PAPER, period_s, 0.0, 0.0, r)
     assert (x.k0, x.k1) == pytest.approx(steady_gains(PAPER, period_s, r), rel=1e-7)
 
 
@@ -48,8 +48,8 @@ def test_one_step_is_the_printed_matrices() -> None:
         root = rng.normal(size=(2, 2))
         P, X = root @ root.T, rng.uniform(-3, 3, (2, 1))
         A, B, H = np.array([[1, -ts], [0, 1]]), np.array([[ts], [0]]), np.array([[1.0, 0.0]])
-        x = run_reference.KalmanState(X[0, 0], X[1, 0], P[0, 0], P[0, 1], P[1, 0], P[1, 1])
-        run_reference.kalman_step(x, Kalman(qa / ts, qb / ts, "current"), ts, z, u, r)
+        x = reference_kernels.KalmanState(X[0, 0], X[1, 0], P[0, 0], P[0, 1], P[1, 0], P[1, 1])
+        reference_kernels.kalman_step(x, Kalman(qa / ts, qb / ts, "current"), ts, z, u, r)
 
         X = A @ X + B * u  # (1)
         P = A @ P @ A.T + np.diag([qa, qb])  # (2)
@@ -64,33 +64,33 @@ def test_without_process_noise_it_is_a_line_fit() -> None:
     """Q = 0 and a start that knows nothing: tilt and bias are the least-squares line through z."""
     rng = np.random.default_rng(2)
     z = rng.normal(0, 0.5, 60)
-    x = run_reference.kalman_init(Start(p00_deg2=1e7, p11_dps2=1e7))
+    x = reference_kernels.kalman_init(Start(p00_deg2=1e7, p11_dps2=1e7))
     for sample in z:
-        run_reference.kalman_step(x, Kalman(0.0, 0.0), PERIOD_S, sample, 0.0, 0.25)
+        reference_kernels.kalman_step(x, Kalman(0.0, 0.0), PERIOD_S, sample, 0.0, 0.25)
     slope, offset = np.polyfit(np.arange(60) * PERIOD_S, z, 1)
     assert x.tilt_deg == pytest.approx(offset + slope * 59 * PERIOD_S, abs=1e-5)
     assert -x.bias_dps == pytest.approx(slope, abs=1e-5)
 
 
 def test_bias_and_tilt_converge_at_rest() -> None:
-    x = run_reference.kalman_init(Start(p00_deg2=900, p11_dps2=25))
+    x = reference_kernels.kalman_init(Start(p00_deg2=900, p11_dps2=25))
     for _ in range(3000):
-        run_reference.kalman_step(x, PAPER, PERIOD_S, 12.0, 20.0, PAPER_R)
+        reference_kernels.kalman_step(x, PAPER, PERIOD_S, 12.0, 20.0, PAPER_R)
     assert (x.tilt_deg, x.bias_dps) == pytest.approx((12.0, 20.0), abs=1e-9)
 
 
 def test_previous_gyro_sample_is_the_input() -> None:
-    x = run_reference.kalman_init(Start(p00_deg2=0, p11_dps2=0))
+    x = reference_kernels.kalman_init(Start(p00_deg2=0, p11_dps2=0))
     tilts = []
     for rate_dps in (10.0, 50.0, 0.0):  # the first step has no previous sample and takes its own
-        run_reference.kalman_step(x, Kalman(0, 0, "previous"), PERIOD_S, 0.0, rate_dps, 1.0)
+        reference_kernels.kalman_step(x, Kalman(0, 0, "previous"), PERIOD_S, 0.0, rate_dps, 1.0)
         tilts.append(x.tilt_deg / PERIOD_S)
     assert tilts == pytest.approx([10.0, 20.0, 70.0])
 
 
 def test_innovation_takes_the_short_way_round() -> None:
-    x = run_reference.kalman_init(Start(tilt_deg=179.0))
-    run_reference.kalman_step(x, PAPER, PERIOD_S, -179.0, 0.0, PAPER_R)
+    x = reference_kernels.kalman_init(Start(tilt_deg=179.0))
+    reference_kernels.kalman_step(x, PAPER, PERIOD_S, -179.0, 0.0, PAPER_R)
     assert x.innovation_deg == pytest.approx(2.0)
     assert -180.0 <= x.tilt_deg < -178.9
 
@@ -99,12 +99,12 @@ def test_innovation_takes_the_short_way_round() -> None:
     ("y", "z", "deg"), [(0, 1, 0), (1, 0, 90), (0, -1, 180), (-1, 0, -90), (1, 1, 45), (-1, -1, -135)]
 )
 def test_tilt_by_two_axes(y: float, z: float, deg: float) -> None:
-    assert run_reference.tilt(y, z, "atan2") == pytest.approx(deg)
+    assert reference_kernels.tilt(y, z, "atan2") == pytest.approx(deg)
 
 
 @pytest.mark.parametrize(("y", "deg"), [(0, 0), (0.5, 30), (-0.5, -30), (1, 90), (1.2, 90), (-1.2, -90)])
 def test_tilt_by_arcsine(y: float, deg: float) -> None:
-    assert run_reference.tilt(y, 123.0, "arcsine") == pytest.approx(deg)
+    assert reference_kernels.tilt(y, 123.0, "arcsine") == pytest.approx(deg)
 
 
 def test_a_complementary_filter_forgets_its_start_and_keeps_bias_times_tau() -> None:

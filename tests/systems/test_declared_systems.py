@@ -51,10 +51,12 @@ class Plumb:
 
 
 def build(source: Path, target: Path, python: Path, *options: str) -> tuple[Path, Path]:
-    """The native core and the flash image of the sources. The core without optimisation: that is twice as fast to build,
-    and every bit is the same."""
+    """The native core and the flash image of the sources. The core without optimisation, which builds twice as fast."""
     chip = f"-DCMAKE_TOOLCHAIN_FILE={source}/firmware/ports/stm32f103/toolchain.cmake"
-    for name, own in (("native", ["-DPLUMB_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug"]), ("image", [chip, "-DCMAKE_BUILD_TYPE=Image"])):
+    for name, own in (
+        ("native", ["-DPLUMB_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug"]),
+        ("image", [chip, "-DCMAKE_BUILD_TYPE=Image"]),
+    ):
         configure: list[str | Path] = [
             "cmake",
             "-S",

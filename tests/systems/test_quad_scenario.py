@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from plumb.errors import UsageError
+from plumb.kernels.reference import kernels as reference_kernels
 from plumb.proof import metrics
 from plumb.spec.tuning import Kalman
-from plumb.systems import load, run_reference, scoring
+from plumb.systems import load, scoring
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.drawn_run import Scenario, on_grid
 from plumb.systems.quad.plant import QuadPlant
@@ -39,10 +40,10 @@ def rmse_deg(runs: list[Scenario], engineering: np.ndarray, tuning: QuadTuning) 
     """Mean over runs of the float64 filter's error, a constant R."""
     rate_dps, y_g, z_g = engineering
     z_deg = np.degrees(np.arctan2(y_g, z_g) if tuning.tilt == "atan2" else np.arcsin(np.clip(y_g, -1, 1)))
-    state = run_reference.kalman_init(tuning.start)
+    state = reference_kernels.kalman_init(tuning.start)
     estimate = np.empty_like(z_deg)
     for k in range(len(z_deg)):
-        run_reference.kalman_step(state, tuning.kalman, tuning.period_s, z_deg[k], rate_dps[k], tuning.trust.r_deg2)
+        reference_kernels.kalman_step(state, tuning.kalman, tuning.period_s, z_deg[k], rate_dps[k], tuning.trust.r_deg2)
         estimate[k] = state.tilt_deg
     truth = np.stack([run.tilt_deg() for run in runs], axis=-1)
     return float(np.mean(metrics.angle_rmse_deg(estimate, truth, scoring.scored(runs[0].time_s))))

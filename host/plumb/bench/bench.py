@@ -36,6 +36,7 @@ from plumb.boards.virtual import VirtualBoard
 from plumb.checkout import CHECKOUT
 from plumb.errors import UsageError
 from plumb.flash.call_graph import CallGraph
+from plumb.kernels.reference import kernels as reference_kernels
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.proof import golden_recipe
 from plumb.proof.accuracy import TURN_DEG, chain_error_deg, filter_error_deg, hard_inputs, scenario_error_deg
@@ -46,7 +47,6 @@ from plumb.proof.golden_recipe import WILD
 from plumb.spec import declarations
 from plumb.spec.protocol import protocol
 from plumb.spec.records import RECORDS, Words
-from plumb.systems import run_reference
 from plumb.tuning.groups import pid_of
 from plumb.tuning.quantise import ControlParams, quantise
 
@@ -373,12 +373,12 @@ def kalman_error_deg(tunings: Sequence[str]) -> float:
 
 def pid_error(words: Words, params: ControlParams) -> float:
     """Largest error of the command as a fraction of full command, with the same integer error and rate."""
-    settings, state = pid_of(params), run_reference.PidState()
+    settings, state = pid_of(params), reference_kernels.PidState()
     errors_deg = (words["error_turn_q32"] * TURN_DEG).tolist()
     rates_dps = (words["rate_corrected_turnps_q28"] * (360.0 / 2**28)).tolist()
     command = np.empty(len(errors_deg))
     for k, (error_deg, rate_dps) in enumerate(zip(errors_deg, rates_dps, strict=True)):
-        run_reference.pid_step(state, settings, params.period_s, error_deg, rate_dps)
+        reference_kernels.pid_step(state, settings, params.period_s, error_deg, rate_dps)
         command[k] = state.command
     return float(np.abs(words["command_q22"] / 2**22 - command).max())
 
@@ -391,10 +391,12 @@ def angle_errors_deg() -> dict[str, float]:
     y = np.concatenate([bits[0::3] >> shift, np.repeat(edges, len(edges))])
     x = np.concatenate([bits[1::3] >> shift, np.tile(edges, len(edges))])
     pole = (y == 0) & (x == 0)
-    direction = np.abs(run_reference.wrap(native_core.atan2(y, x) * TURN_DEG - run_reference.atan2(y, x)))[~pole]
+    direction = np.abs(reference_kernels.wrap(native_core.atan2(y, x) * TURN_DEG - reference_kernels.atan2(y, x)))[
+        ~pole
+    ]
     sines = np.concatenate([bits >> 1, [0, 1, -1, 2**30, -(2**30), 2**30 - 1, -(2**30) + 1]])
     angle_deg = native_core.asin(sines) * TURN_DEG
-    arcsine = np.abs(angle_deg - run_reference.asin(sines / 2**30))[np.abs(angle_deg) <= ASIN_LIMIT_DEG]
+    arcsine = np.abs(angle_deg - reference_kernels.asin(sines / 2**30))[np.abs(angle_deg) <= ASIN_LIMIT_DEG]
     return {"atan2": float(direction.max()), "asin": float(arcsine.max())}
 
 

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards import native_core
 from plumb.boards.native import NativeBoard
+from plumb.kernels.reference import kernels as reference_kernels
 from plumb.proof import runs
 from plumb.spec.tuning import AnyTuning
 from plumb.systems import run_reference
@@ -76,21 +77,21 @@ def filter_error_deg(
     z_deg, u_dps = (z_q32 * TURN_DEG).tolist(), (u_q28 * (360.0 / 2**28)).tolist()
     r_deg2 = (inputs.variance * (params.lsb_deg2 * 2**32)).tolist()
     period_s = params.period_s
-    x = run_reference.kalman_init(start)
+    x = reference_kernels.kalman_init(start)
     tilt_deg = np.empty(len(z_deg))
     for step, z in enumerate(z_deg):
         x.rate_dps = u_dps[step]  # U(k) is given, whichever sample it is
-        run_reference.kalman_step(x, settings, period_s, z, u_dps[step], r_deg2[step])
+        reference_kernels.kalman_step(x, settings, period_s, z, u_dps[step], r_deg2[step])
         if abs(x.innovation_deg) > sure_deg:
             _same_way_round(params, inputs, step, x)
         if abs(x.bias_dps) > bias_limit_dps:  # an eighth of a turn per step is the format's limit
             x.bias_dps = math.copysign(bias_limit_dps, x.bias_dps)
         tilt_deg[step] = x.tilt_deg
-    error: npt.NDArray[np.float64] = run_reference.wrap(fused.astype(np.float64) * TURN_DEG - tilt_deg)
+    error: npt.NDArray[np.float64] = reference_kernels.wrap(fused.astype(np.float64) * TURN_DEG - tilt_deg)
     return error
 
 
-def _same_way_round(params: ControlParams, inputs: FilterInputs, step: int, x: run_reference.KalmanState) -> None:
+def _same_way_round(params: ControlParams, inputs: FilterInputs, step: int, x: reference_kernels.KalmanState) -> None:
     """Make the reference's innovation wrap to the same side of +-180 deg as the integers'."""
     upto = slice(0, step + 1)
     _, states = native_core.kalman_run(
@@ -99,7 +100,7 @@ def _same_way_round(params: ControlParams, inputs: FilterInputs, step: int, x: r
     innovation_deg = float(states["innovation_turn_q32"][0]) * TURN_DEG
     if innovation_deg * x.innovation_deg < 0:
         turn = 360.0 if innovation_deg > 0 else -360.0
-        x.tilt_deg = run_reference.wrap(x.tilt_deg + x.k0 * turn)
+        x.tilt_deg = reference_kernels.wrap(x.tilt_deg + x.k0 * turn)
         x.bias_dps += x.k1 * turn
         x.innovation_deg += turn
 
@@ -159,14 +160,16 @@ def chain_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> flo
 
 def atan2_error_deg(y: npt.ArrayLike, x: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Binary angle minus float64, degrees; 0 for the point (0, 0)."""
-    exact = run_reference.atan2(np.asarray(y, np.float64), np.asarray(x, np.float64))
-    error: npt.NDArray[np.float64] = run_reference.wrap(native_core.atan2(y, x) * TURN_DEG - exact)
+    exact = reference_kernels.atan2(np.asarray(y, np.float64), np.asarray(x, np.float64))
+    error: npt.NDArray[np.float64] = reference_kernels.wrap(native_core.atan2(y, x) * TURN_DEG - exact)
     return error
 
 
 def asin_error_deg(x_q30: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Binary angle minus float64, degrees, of sines x / 2^30."""
-    error: npt.NDArray[np.float64] = native_core.asin(x_q30) * TURN_DEG - run_reference.asin(np.asarray(x_q30) / 2**30)
+    error: npt.NDArray[np.float64] = native_core.asin(x_q30) * TURN_DEG - reference_kernels.asin(
+        np.asarray(x_q30) / 2**30
+    )
     return error
 
 
@@ -181,7 +184,7 @@ def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32
     """Largest error of the fused tilt over the whole chain: calibration, tilt, trust and filter in integers and in
     float64."""
     tilt_deg = native_core.run_control(params, raw, setpoint_turn_q32)["tilt_turn_q32"] * TURN_DEG
-    error = run_reference.wrap(tilt_deg - run_reference.run_control(params, raw, setpoint_turn_q32)["tilt_deg"])
+    error = reference_kernels.wrap(tilt_deg - run_reference.run_control(params, raw, setpoint_turn_q32)["tilt_deg"])
     return float(np.abs(error).max())
 
 

@@ -15,30 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import UsageError
-from plumb.kernels.fixed.kernels import (
-    KalmanState,
-    PidState,
-    calibrate,
-    kalman_bias,
-    kalman_init,
-    kalman_step,
-    kalman_tilt,
-    pid_step,
-    tilt,
-    trust,
-)
-from plumb.kernels.fixed.trig import asin, atan2
 from plumb.spec import dbc, declarations
 from plumb.spec.records import RECORDS, Words, names_of, packer
 from plumb.systems import load
 from plumb.systems.contracts import FIXED, CheckedWords, RetunedStep
 from plumb.tuning.quantise import Changes, ControlParams
-
-__all__ = [
-    "Controller", "KalmanState", "PidState", "asin", "atan2", "calibrate", "check_inputs", "kalman_bias", "kalman_init",
-    "kalman_step", "kalman_tilt", "params_valid", "parts_of", "pid_step", "run_changed", "run_control", "stack",
-    "system_name", "tilt", "trust",
-]  # fmt: skip
 
 
 class Controller:

@@ -9,30 +9,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from plumb.kernels.reference.kernels import (
-    KalmanState,
-    Number,
-    PidState,
-    asin,
-    atan2,
-    calibrate,
-    clip,
-    kalman_init,
-    kalman_step,
-    pid_step,
-    tilt,
-    trust,
-    wrap,
-)
 from plumb.spec.tuning import AnyTuning
 from plumb.systems import load
 from plumb.systems.contracts import REFERENCE
 from plumb.tuning.quantise import ControlParams, dequantise
-
-__all__ = [
-    "KalmanState", "Number", "PidState", "asin", "atan2", "calibrate", "clip", "kalman_init", "kalman_step", "pid_step",
-    "run_control", "tilt", "trust", "wrap",
-]  # fmt: skip
 
 
 def run_control(

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from plumb.boards import native_core, native_plant
 from plumb.judging.balancer import loops
 from plumb.judging.balancer.plots import DUTY, RATE_DPS, TURN_DEG
+from plumb.kernels.reference import kernels as reference_kernels
 from plumb.kernels.reference.blending import complementary_step
 from plumb.proof import loop_figures, metrics
 from plumb.proof.figures import FLOAT_SEEDS, UNASKED, Figure, Sense, paired
@@ -310,19 +311,19 @@ class Float64:
 
     def __init__(self, tuning: BalancerTuning) -> None:
         self.tuning, self.wheel = tuning, reference_balancer.WheelState()
-        self.state = reference_balancer.ControlState(run_reference.kalman_init(tuning.start))
+        self.state = reference_balancer.ControlState(reference_kernels.kalman_init(tuning.start))
 
     def step(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
         tuning, axis = self.tuning, self.tuning.calibration
         rate_dps, x_g, z_g = (
-            run_reference.calibrate(float(count), channel)
+            reference_kernels.calibrate(float(count), channel)
             for count, channel in zip(raw[:3], (axis.gyro, axis.accel, axis.accel_up), strict=True)
         )
         _, velocity_mps, accel_g = reference_balancer.wheel_step(
             self.wheel, tuning.wheel, tuning.period_s, float(raw[3])
         )
         x_g += accel_g
-        z_deg, r_deg2 = run_reference.tilt(x_g, z_g, tuning.tilt), run_reference.trust(x_g, z_g, tuning.trust)
+        z_deg, r_deg2 = reference_kernels.tilt(x_g, z_g, tuning.tilt), reference_kernels.trust(x_g, z_g, tuning.trust)
         asked_mps = setpoint / VELOCITY_UNIT
         step = reference_balancer.control_step(
             self.state, tuning, rate_dps, float(z_deg), float(r_deg2), velocity_mps, accel_g, asked_mps

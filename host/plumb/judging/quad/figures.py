@@ -16,6 +16,7 @@ import numpy.typing as npt
 from plumb.boards import native_core, native_plant
 from plumb.judging.quad import loops
 from plumb.judging.quad import plots as quad_plots
+from plumb.kernels.reference import kernels as reference_kernels
 from plumb.kernels.reference.blending import complementary_step, weighted_average
 from plumb.physics.sensors import ADC_NOISE_LSB, Mma7260
 from plumb.proof import loop_figures, metrics
@@ -269,16 +270,16 @@ class Float64:
     """`plumb.systems.run_reference`, from counts to pulses in us."""
 
     def __init__(self, tuning: QuadTuning) -> None:
-        self.tuning, self.state = tuning, reference_quad.ControlState(run_reference.kalman_init(tuning.start))
+        self.tuning, self.state = tuning, reference_quad.ControlState(reference_kernels.kalman_init(tuning.start))
 
     def pulses_us(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
         tuning, channels = self.tuning, self.tuning.calibration
-        rate_dps = run_reference.calibrate(float(raw[0]), channels.gyro)
+        rate_dps = reference_kernels.calibrate(float(raw[0]), channels.gyro)
         y_g, z_g = (
-            run_reference.calibrate(float(count), channel)
+            reference_kernels.calibrate(float(count), channel)
             for count, channel in zip(raw[1:3], (channels.accel, channels.accel_up), strict=True)
         )
-        z_deg, r_deg2 = run_reference.tilt(y_g, z_g, tuning.tilt), run_reference.trust(y_g, z_g, tuning.trust)
+        z_deg, r_deg2 = reference_kernels.tilt(y_g, z_g, tuning.tilt), reference_kernels.trust(y_g, z_g, tuning.trust)
         asked_deg = setpoint * (360.0 / 2.0**32)
         step = reference_quad.control_step(self.state, tuning, rate_dps, z_deg, r_deg2, asked_deg)
         return float(step["pulse_0_us"]), float(step["pulse_1_us"])

@@ -5,22 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from plumb.kernels.fixed import plausibility, validity
-from plumb.kernels.fixed.kernels import (
-    KalmanState,
-    Params,
-    PidState,
-    calibrate,
-    driving_rate,
-    kalman_bias,
-    kalman_init,
-    kalman_step,
-    kalman_tilt,
-    pid_retune,
-    pid_step,
-    tilt,
-    trust,
-)
+from plumb.kernels.fixed import kernels, plausibility, validity
+from plumb.kernels.fixed.kernels import KalmanState, Params, PidState
 from plumb.kernels.integers import Integer, clamp, select, wrap_i32
 
 FLAG_COMMAND_LIMITED, FLAG_WHEEL_CLAMPED, FLAG_LEAN_LIMITED = 1 << 3, 1 << 4, 1 << 5
@@ -53,7 +39,7 @@ def wheel(edges: Integer, velocity: Integer, p: Params) -> tuple[Integer, Intege
 
 
 def control_init(p: Params) -> ControlState:
-    return ControlState(kalman_init(p))
+    return ControlState(kernels.kalman_init(p))
 
 
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mps_q26: Integer) -> tuple[Integer, ...]:
@@ -61,26 +47,26 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mp
     c.step += 1
     edges = raw[3] * 0 if c.step == 1 else ((raw[3] - c.hall + 0x8000) & 0xFFFF) - 0x8000
     previous, c.hall = c.rate_turnps_q28, raw[3]
-    rate, gyro_clamped = calibrate(raw[0], p, "gyro")
-    accel_x, x_clamped = calibrate(raw[1], p, "accel")
-    accel_z, z_clamped = calibrate(raw[2], p, "accel_up")
+    rate, gyro_clamped = kernels.calibrate(raw[0], p, "gyro")
+    accel_x, x_clamped = kernels.calibrate(raw[1], p, "accel")
+    accel_z, z_clamped = kernels.calibrate(raw[2], p, "accel_up")
     speed, velocity, wheel_accel, wheel_clamped = wheel(edges, c.velocity_mps_q26, p)
     c.rate_turnps_q28, c.velocity_mps_q26 = rate, velocity
-    u = rate if c.step == 1 else driving_rate(p, rate, previous)
+    u = rate if c.step == 1 else kernels.driving_rate(p, rate, previous)
     gravity_x = accel_x + wheel_accel
-    measured = tilt(gravity_x, accel_z, p)
-    variance = trust(gravity_x, accel_z, p)
+    measured = kernels.tilt(gravity_x, accel_z, p)
+    variance = kernels.trust(gravity_x, accel_z, p)
     k, lean_pid, pid = c.kalman, c.speed, c.pid
-    kalman_step(k, p, variance, measured, u)
-    tilt_turn_q32, bias = kalman_tilt(k), kalman_bias(k, p)
+    kernels.kalman_step(k, p, variance, measured, u)
+    tilt_turn_q32, bias = kernels.kalman_tilt(k), kernels.kalman_bias(k, p)
     rate_corrected = rate - bias
 
     wanted = clamp(setpoint_mps_q26, -p["drive.speed_max_mps_q26"], p["drive.speed_max_mps_q26"])
     speed_error = wanted - velocity
-    pid_step(lean_pid, p, speed_error, wheel_accel, "speed")
+    kernels.pid_step(lean_pid, p, speed_error, wheel_accel, "speed")
     lean = (lean_pid.command_q22 * 256 * p["drive.lean_max_turn_q34"]) >> 32
     error = wrap_i32(lean - tilt_turn_q32)
-    pid_step(pid, p, error, rate_corrected)
+    kernels.pid_step(pid, p, error, rate_corrected)
 
     c.fallen = select((c.fallen == 1) | (abs(tilt_turn_q32) > p["drive.fall_turn_q32"]), 1, 0)
     duty = ((pid.command_q22 >> 6) * p["drive.span_q15"] + (1 << 15)) >> 16
@@ -105,8 +91,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mp
 
 def control_retune(c: ControlState, old: Params, new: Params) -> None:
     """Other gains from the next step on."""
-    pid_retune(c.speed, old, new, "speed")
-    pid_retune(c.pid, old, new)
+    kernels.pid_retune(c.speed, old, new, "speed")
+    kernels.pid_retune(c.pid, old, new)
 
 
 def control_valid(p: Params) -> bool:

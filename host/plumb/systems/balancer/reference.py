@@ -8,19 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from plumb.kernels.reference.kernels import (
-    KalmanState,
-    Number,
-    PidState,
-    calibrate,
-    clip,
-    kalman_init,
-    kalman_step,
-    pid_step,
-    tilt,
-    trust,
-    wrap,
-)
+from plumb.kernels.reference import kernels
+from plumb.kernels.reference.kernels import KalmanState, Number, PidState
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Pid
 from plumb.systems.balancer.tuning import BalancerTuning, SpeedLoop, Wheel
@@ -42,11 +31,11 @@ def wheel_step(c: WheelState, settings: Wheel, period_s: float, hall: Number) ->
     edges = 0.0 * hall if c.hall is None else (hall - c.hall + 32768.0) % 65536.0 - 32768.0
     c.hall = hall
     most = settings.most_edges(period_s)
-    speed = clip(edges, -most, most) * settings.edge_m / period_s
+    speed = kernels.clip(edges, -most, most) * settings.edge_m / period_s
     share = 1.0 - math.exp(-period_s / settings.tau_s) if settings.tau_s else 1.0
     slope = share * (speed - c.velocity_mps) / period_s
     c.velocity_mps = c.velocity_mps + share * (speed - c.velocity_mps)
-    return speed, c.velocity_mps, clip(settings.accel_share * slope / GRAVITY_MPS2, -3.0, 3.0)
+    return speed, c.velocity_mps, kernels.clip(settings.accel_share * slope / GRAVITY_MPS2, -3.0, 3.0)
 
 
 def wheel(hall: FloatArray, settings: Wheel, period_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -82,21 +71,21 @@ def control_step(
     accel_g: Number, setpoint_mps: Number,
 ) -> dict[str, Number]:  # fmt: skip
     """The parts of a step with state, except the wheel's: filter, speed loop and balance loop."""
-    kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
-    bias_dps = clip(c.kalman.bias_dps, -tuning.kalman.bias_max_dps, tuning.kalman.bias_max_dps)
+    kernels.kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
+    bias_dps = kernels.clip(c.kalman.bias_dps, -tuning.kalman.bias_max_dps, tuning.kalman.bias_max_dps)
     corrected_dps = rate_dps - bias_dps
 
     most = tuning.speed.speed_max_mps
-    speed_error = clip(setpoint_mps, -most, most) - velocity_mps
-    pid_step(c.speed, cruise(tuning.speed), tuning.period_s, speed_error, accel_g)
+    speed_error = kernels.clip(setpoint_mps, -most, most) - velocity_mps
+    kernels.pid_step(c.speed, cruise(tuning.speed), tuning.period_s, speed_error, accel_g)
     lean_deg = tuning.speed.lean_max_deg * c.speed.command
 
-    error_deg = wrap(lean_deg - c.kalman.tilt_deg)
-    pid_step(c.pid, tuning.pid, tuning.period_s, error_deg, corrected_dps)
+    error_deg = kernels.wrap(lean_deg - c.kalman.tilt_deg)
+    kernels.pid_step(c.pid, tuning.pid, tuning.period_s, error_deg, corrected_dps)
 
     drive = tuning.drive
     c.fallen = np.maximum(c.fallen, abs(c.kalman.tilt_deg) > drive.fall_deg)
-    duty = clip(drive.span * c.pid.command, -drive.duty_max, drive.duty_max) * (1.0 - c.fallen)
+    duty = kernels.clip(drive.span * c.pid.command, -drive.duty_max, drive.duty_max) * (1.0 - c.fallen)
     return {
         "tilt_deg": c.kalman.tilt_deg,
         "bias_dps": bias_dps,
@@ -120,14 +109,14 @@ def run_control(
     counts = np.asarray(raw, np.float64)
     shape = (counts.shape[0], *counts.shape[2:])
     asked = np.zeros(shape) if setpoint_mps_q26 is None else np.asarray(setpoint_mps_q26, np.float64) / 2**26
-    rate_dps = calibrate(counts[:, 0], tuning.calibration.gyro)
-    accel_x_g = calibrate(counts[:, 1], tuning.calibration.accel)
-    accel_z_g = calibrate(counts[:, 2], tuning.calibration.accel_up)
+    rate_dps = kernels.calibrate(counts[:, 0], tuning.calibration.gyro)
+    accel_x_g = kernels.calibrate(counts[:, 1], tuning.calibration.accel)
+    accel_z_g = kernels.calibrate(counts[:, 2], tuning.calibration.accel_up)
     speed_mps, velocity_mps, wheel_accel_g = wheel(counts[:, 3], tuning.wheel, tuning.period_s)
-    z_deg = tilt(accel_x_g + wheel_accel_g, accel_z_g, tuning.tilt)
-    r_deg2 = trust(accel_x_g + wheel_accel_g, accel_z_g, tuning.trust)
+    z_deg = kernels.tilt(accel_x_g + wheel_accel_g, accel_z_g, tuning.tilt)
+    r_deg2 = kernels.trust(accel_x_g + wheel_accel_g, accel_z_g, tuning.trust)
 
-    c = ControlState(kalman_init(tuning.start))
+    c = ControlState(kernels.kalman_init(tuning.start))
     series = (rate_dps, z_deg, r_deg2, velocity_mps, wheel_accel_g, asked)
     inputs = [values.tolist() if values.ndim == 1 else values for values in series]
     steps = [control_step(c, tuning, *now) for now in zip(*inputs, strict=True)]

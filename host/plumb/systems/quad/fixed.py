@@ -5,22 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from plumb.kernels.fixed import plausibility, validity
-from plumb.kernels.fixed.kernels import (
-    KalmanState,
-    Params,
-    PidState,
-    calibrate,
-    driving_rate,
-    kalman_bias,
-    kalman_init,
-    kalman_step,
-    kalman_tilt,
-    pid_retune,
-    pid_step,
-    tilt,
-    trust,
-)
+from plumb.kernels.fixed import kernels, plausibility, validity
+from plumb.kernels.fixed.kernels import KalmanState, Params, PidState
 from plumb.kernels.integers import Integer, clamp, select, wrap_i32
 
 FLAG_COMMAND_LIMITED = 1 << 3
@@ -43,27 +29,27 @@ def esc(command_q22: Integer, p: Params) -> tuple[Integer, Integer]:
 
 
 def control_init(p: Params) -> ControlState:
-    return ControlState(kalman_init(p), PidState())
+    return ControlState(kernels.kalman_init(p), PidState())
 
 
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_turn_q32: Integer) -> tuple[Integer, ...]:
     """One step; returns the values of the record's words, in order."""
     c.step += 1
     previous = c.rate_turnps_q28
-    rate, gyro_clamped = calibrate(raw[0], p, "gyro")
-    accel_y, y_clamped = calibrate(raw[1], p, "accel")
-    accel_z, z_clamped = calibrate(raw[2], p, "accel_up")
+    rate, gyro_clamped = kernels.calibrate(raw[0], p, "gyro")
+    accel_y, y_clamped = kernels.calibrate(raw[1], p, "accel")
+    accel_z, z_clamped = kernels.calibrate(raw[2], p, "accel_up")
     c.rate_turnps_q28 = rate
-    u = rate if c.step == 1 else driving_rate(p, rate, previous)
-    measured = tilt(accel_y, accel_z, p)
-    variance = trust(accel_y, accel_z, p)
+    u = rate if c.step == 1 else kernels.driving_rate(p, rate, previous)
+    measured = kernels.tilt(accel_y, accel_z, p)
+    variance = kernels.trust(accel_y, accel_z, p)
     k, pid = c.kalman, c.pid
-    kalman_step(k, p, variance, measured, u)
+    kernels.kalman_step(k, p, variance, measured, u)
 
-    tilt_turn_q32, bias = kalman_tilt(k), kalman_bias(k, p)
+    tilt_turn_q32, bias = kernels.kalman_tilt(k), kernels.kalman_bias(k, p)
     rate_corrected = rate - bias
     error = wrap_i32(setpoint_turn_q32 - tilt_turn_q32)
-    pid_step(pid, p, error, rate_corrected)
+    kernels.pid_step(pid, p, error, rate_corrected)
     pulse = esc(pid.command_q22, p)
     clamped = gyro_clamped | y_clamped << 1 | z_clamped << 2
     c.clamped_steps = c.clamped_steps + select(clamped != 0, 1, 0)
@@ -80,7 +66,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
 
 def control_retune(c: ControlState, old: Params, new: Params) -> None:
     """Other gains from the next step on."""
-    pid_retune(c.pid, old, new)
+    kernels.pid_retune(c.pid, old, new)
 
 
 def control_valid(p: Params) -> bool:

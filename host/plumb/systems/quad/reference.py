@@ -7,19 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from plumb.kernels.reference.kernels import (
-    KalmanState,
-    Number,
-    PidState,
-    calibrate,
-    clip,
-    kalman_init,
-    kalman_step,
-    pid_step,
-    tilt,
-    trust,
-    wrap,
-)
+from plumb.kernels.reference import kernels
+from plumb.kernels.reference.kernels import KalmanState, Number, PidState
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Esc
 from plumb.systems.quad.tuning import QuadTuning
@@ -29,8 +18,8 @@ def esc(command: Number, settings: Esc) -> tuple[Number, Number]:
     """Pulses of the two opposing motors in us."""
     swing = settings.span_us * command
     return (
-        clip(settings.mid_us + swing, settings.min_us, settings.max_us),
-        clip(settings.mid_us - swing, settings.min_us, settings.max_us),
+        kernels.clip(settings.mid_us + swing, settings.min_us, settings.max_us),
+        kernels.clip(settings.mid_us - swing, settings.min_us, settings.max_us),
     )
 
 
@@ -41,14 +30,19 @@ class ControlState:
 
 
 def control_step(
-    c: ControlState, tuning: QuadTuning, rate_dps: Number, z_deg: Number, r_deg2: Number, setpoint_deg: Number
+    c: ControlState,
+    tuning: QuadTuning,
+    rate_dps: Number,
+    z_deg: Number,
+    r_deg2: Number,
+    setpoint_deg: Number,
 ) -> dict[str, Number]:
     """The parts of a step with state: the filter on the measured tilt z, then the controller."""
-    kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
-    error_deg = wrap(setpoint_deg - c.kalman.tilt_deg)
-    bias_dps = clip(c.kalman.bias_dps, -tuning.kalman.bias_max_dps, tuning.kalman.bias_max_dps)
+    kernels.kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
+    error_deg = kernels.wrap(setpoint_deg - c.kalman.tilt_deg)
+    bias_dps = kernels.clip(c.kalman.bias_dps, -tuning.kalman.bias_max_dps, tuning.kalman.bias_max_dps)
     corrected_dps = rate_dps - bias_dps
-    pid_step(c.pid, tuning.pid, tuning.period_s, error_deg, corrected_dps)
+    kernels.pid_step(c.pid, tuning.pid, tuning.period_s, error_deg, corrected_dps)
     pulse_us = esc(c.pid.command, tuning.esc)
     return {
         "tilt_deg": c.kalman.tilt_deg,
@@ -73,13 +67,13 @@ def run_control(
     counts = np.asarray(raw, np.float64)
     shape = (counts.shape[0], *counts.shape[2:])
     turns = np.zeros(shape) if setpoint_turn_q32 is None else np.asarray(setpoint_turn_q32, np.float64) / 2**32
-    rate_dps = calibrate(counts[:, 0], tuning.calibration.gyro)
-    accel_y_g = calibrate(counts[:, 1], tuning.calibration.accel)
-    accel_z_g = calibrate(counts[:, 2], tuning.calibration.accel_up)
-    z_deg = tilt(accel_y_g, accel_z_g, tuning.tilt)
-    r_deg2 = trust(accel_y_g, accel_z_g, tuning.trust)
+    rate_dps = kernels.calibrate(counts[:, 0], tuning.calibration.gyro)
+    accel_y_g = kernels.calibrate(counts[:, 1], tuning.calibration.accel)
+    accel_z_g = kernels.calibrate(counts[:, 2], tuning.calibration.accel_up)
+    z_deg = kernels.tilt(accel_y_g, accel_z_g, tuning.tilt)
+    r_deg2 = kernels.trust(accel_y_g, accel_z_g, tuning.trust)
 
-    c = ControlState(kalman_init(tuning.start))
+    c = ControlState(kernels.kalman_init(tuning.start))
     inputs = [values.tolist() if values.ndim == 1 else values for values in (rate_dps, z_deg, r_deg2, 360.0 * turns)]
     steps = [control_step(c, tuning, *now) for now in zip(*inputs, strict=True)]
     outputs = {name: np.array([step[name] for step in steps]) for name in (steps[0] if steps else ())}
