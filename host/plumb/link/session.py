@@ -47,6 +47,8 @@ BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY = 1 << 11, 1 << 12
 SHORTEST_WAIT_S, STANDSTILL_S = 1e-6, 1.0
 """While the bus's clock does not advance, the wait for a frame doubles from SHORTEST_WAIT_S; above STANDSTILL_S the bus
 counts as dead."""
+ARM_AGAIN_S = 0.02
+"""Pause between two attempts to arm a system that is not ready; each takes two requests of the link."""
 READY_WAIT_S = 3.0
 """Longest wait of arming for a system that is not ready; at rest, a new run is ready after 0.6 s."""
 PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "PLAUSIBILITY", "CAN_HEALTH")
@@ -446,7 +448,9 @@ class Session:
                         why += plausibility_text(self.telemetry.get("PLAUSIBILITY", {}))
                     error.args = ("; ".join([str(error), *why]),)
                     raise
-                self.receive(REPLY_TIMEOUT_S / 5)
+                end_s = self.clock() + ARM_AGAIN_S
+                while (left_s := end_s - self.clock()) > 0:
+                    self.receive(left_s)
 
     def disarm(self) -> None:
         self._let_go()
