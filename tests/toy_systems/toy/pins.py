@@ -21,7 +21,7 @@ class Coupling:
         self.taken: list[Conversion] = []
         self._plant = plant
         self._start_s: float | None = None
-        self._scans = AnalogScans(plant.scenario.period_us, 0)
+        self._scans = AnalogScans(plant.period_us, 0)
         machine.adc["PA0"] = lambda now_s: self._count(now_s) * VOLTS_PER_COUNT
         machine.adc.before_conversion["PA0"] = self._convert
         machine.adc["PA1"] = machine.adc["PA2"] = lambda _now_s: 1.65

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ from plumb.systems.toy.tuning import PERIOD_US, ToyTuning
 
 from plumb.errors import UsageError
 from plumb.spec import declarations
-from plumb.systems import scoring
+from plumb.systems.prescribed import Playback, Steps
 
 SCENARIOS = {"jumps": "between 1000 and 3000 counts, every second"}
 SECONDS = {"jumps": 20.0}
@@ -22,7 +21,7 @@ DEFAULT_TUNING = "slow"
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Steps):
     period_us: int
     level_counts: npt.NDArray[np.float64]
     noise_counts: npt.NDArray[np.float64]
@@ -30,14 +29,6 @@ class Scenario:
     @property
     def steps(self) -> int:
         return len(self.level_counts)
-
-    @property
-    def time_s(self) -> npt.NDArray[np.float64]:
-        return np.asarray(np.arange(self.steps) * (self.period_us * 1e-6), np.float64)
-
-    @property
-    def scored(self) -> npt.NDArray[np.bool_]:
-        return scoring.scored(self.time_s)
 
     def counts(self) -> npt.NDArray[np.int16]:
         declared = declarations.system("toy")
@@ -67,31 +58,15 @@ def commands(step: int) -> dict[str, int]:
     }
 
 
-@dataclass(frozen=True)
-class Plant:
-    """The prescribed level: nothing that a board puts out moves it."""
-
-    scenario: Scenario
-    samples: npt.NDArray[np.int16]
-
-    def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
-        """Nothing follows."""
-
-    def counts(self, time_s: float) -> tuple[int, ...]:
-        return tuple(self.samples[self._at(time_s)].tolist())
-
-    def truth(self, time_s: float) -> dict[str, float]:
-        return {"level_counts": float(self.scenario.level_counts[self._at(time_s)])}
+class Plant(Playback):
+    """The prescribed level."""
 
     def setpoint(self, time_s: float) -> int:
         return 2000 << 16
 
-    def _at(self, time_s: float) -> int:
-        return round(time_s * 1e6 / self.scenario.period_us) % self.scenario.steps
-
 
 def plant(run: Scenario, *, open_loop: bool = True) -> Plant:
-    return Plant(run, run.counts())
+    return Plant(run.period_us, run.counts(), run.truth())
 
 
 def scenario(

@@ -23,10 +23,10 @@ from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
-from plumb.systems import scoring
 from plumb.systems.attitude import motion
 from plumb.systems.attitude.quantise import PERIODS_US
 from plumb.systems.attitude.tuning import AttitudeTuning, Gyro
+from plumb.systems.prescribed import Playback, Steps, put_faults
 from plumb.tuning.channels import NO_SAMPLE
 
 PERIOD_US = 5_000
@@ -134,7 +134,7 @@ def apart_deg(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Steps):
     """One run: its motion and the sensor outputs at the sampling instants.
 
     (3, steps) each: vertical, bias_dps: true values; sensed_dps, sensed_g: sensor outputs before faults. lost: steps
@@ -158,14 +158,6 @@ class Scenario:
         return len(self.lost)
 
     @property
-    def time_s(self) -> FloatArray:
-        return np.arange(self.steps, dtype=np.float64) * (self.period_us * 1e-6)
-
-    @property
-    def scored(self) -> npt.NDArray[np.bool_]:
-        return scoring.scored(self.time_s)
-
-    @property
     def link(self) -> Mapping[str, int]:
         """What the board has to be told of the sensors."""
         return self.sensors.link
@@ -182,11 +174,7 @@ class Scenario:
             for sensed, channel in parts
         ]
         raw = np.concatenate(felt).astype(np.int16).T
-        for fault in self.faults:
-            begun = int(np.searchsorted(self.time_s, fault.start_s))
-            if begun < self.steps:
-                at_start, noise = int(raw[begun, fault.channel]), self.fault_noise[fault.channel]
-                raw[:, fault.channel] = fault.counts(raw[:, fault.channel], self.time_s, at_start, noise)
+        put_faults(raw, self.faults, self.time_s, self.fault_noise)
         raw[self.lost] = NO_SAMPLE
         return np.asarray(raw)
 
@@ -201,43 +189,25 @@ class Scenario:
 
 
 @dataclass(frozen=True)
-class AttitudePlant:
-    """Plays the prescribed motion, again and again; the outputs of a board have no effect."""
+class AttitudePlant(Playback):
+    """Plays the prescribed motion, and what the sensors put out before they count it."""
 
     scenario: Scenario
-    samples: npt.NDArray[np.int16]
-    known: dict[str, FloatArray]
-
-    def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
-        """Does nothing: the outputs have no effect."""
-
-    def counts(self, time_s: float) -> tuple[int, ...]:
-        """The six raw counts of the sample at time_s."""
-        return tuple(self.samples[self._at(time_s)].tolist())
 
     def rate_dps(self, time_s: float) -> tuple[float, float, float]:
         """What the gyro puts out, with its errors."""
-        x, y, z = self.scenario.sensed_dps[:, self._at(time_s)].tolist()
+        x, y, z = self.scenario.sensed_dps[:, self.step_at(time_s)].tolist()
         return x, y, z
 
     def force_g(self, time_s: float) -> tuple[float, float, float]:
         """What the accelerometer puts out, with its errors."""
-        x, y, z = self.scenario.sensed_g[:, self._at(time_s)].tolist()
+        x, y, z = self.scenario.sensed_g[:, self.step_at(time_s)].tolist()
         return x, y, z
-
-    def truth(self, time_s: float) -> dict[str, float]:
-        return {name: float(values[self._at(time_s)]) for name, values in self.known.items()}
-
-    def setpoint(self, time_s: float) -> int:
-        return 0
-
-    def _at(self, time_s: float) -> int:
-        return round(time_s * 1e6 / self.scenario.period_us) % self.scenario.steps
 
 
 def plant(run: Scenario, *, open_loop: bool = True) -> AttitudePlant:
     """The plant of a run, which plays its samples, open loop or not."""
-    return AttitudePlant(run, run.counts(), run.truth())
+    return AttitudePlant(run.period_us, run.counts(), run.truth(), run)
 
 
 def scenario(

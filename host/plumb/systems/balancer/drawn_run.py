@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from plumb.physics.sensors import Adxl345, Fault, Itg3205
 from plumb.spec.arrays import FloatArray
-from plumb.systems import scoring
 from plumb.systems.balancer.vehicle import GRID_S
+from plumb.systems.prescribed import Steps
 
 CHANNELS = 4
 GYRO, ACCELEROMETER = Itg3205(), Adxl345()
@@ -33,7 +33,7 @@ class Ride:
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Steps):
     """One run: its commands, pushes and all its random values. Grid arrays have one value per GRID_S, sample arrays one
     per period.
 
@@ -64,16 +64,6 @@ class Scenario:
     @property
     def steps(self) -> int:
         return len(self.bias_dps)
-
-    @property
-    def time_s(self) -> FloatArray:
-        """Sampling instants, (steps,)."""
-        return np.arange(self.steps, dtype=np.float64) * (self.period_us * 1e-6)
-
-    @property
-    def scored(self) -> npt.NDArray[np.bool_]:
-        """The samples that count, (steps,)."""
-        return scoring.scored(self.time_s)
 
     @property
     def ride(self) -> Ride:

@@ -15,7 +15,7 @@ is the mean of the other two.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,8 +26,8 @@ from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, band_noise, fault_of
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
-from plumb.systems import scoring
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
+from plumb.systems.prescribed import Playback, Steps, put_faults
 
 PERIOD_US = 10_000
 GRID_S = 0.001
@@ -118,7 +118,7 @@ def counts_of(rate_dps: FloatArray, force_g: FloatArray) -> npt.NDArray[np.int16
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Steps):
     """One run: its motion and the sensor outputs at the sampling instants.
 
     (3, steps) each: rate_dps, vertical, bias_dps: true values; sensed_dps, sensed_g: sensor outputs before faults.
@@ -140,22 +140,10 @@ class Scenario:
     def steps(self) -> int:
         return len(self.rate_dps[0])
 
-    @property
-    def time_s(self) -> FloatArray:
-        return np.arange(self.steps, dtype=np.float64) * (self.period_us * 1e-6)
-
-    @property
-    def scored(self) -> npt.NDArray[np.bool_]:
-        return scoring.scored(self.time_s)
-
     def counts(self) -> npt.NDArray[np.int16]:
         """Raw counts, (steps, 6)."""
         raw = counts_of(self.sensed_dps, self.sensed_g)
-        for fault in self.faults:
-            begun = int(np.searchsorted(self.time_s, fault.start_s))
-            if begun < self.steps:
-                at_start, noise = int(raw[begun, fault.channel]), self.fault_noise[fault.channel]
-                raw[:, fault.channel] = fault.counts(raw[:, fault.channel], self.time_s, at_start, noise)
+        put_faults(raw, self.faults, self.time_s, self.fault_noise)
         return raw
 
     def setpoint(self) -> npt.NDArray[np.int32]:
@@ -174,34 +162,9 @@ class Scenario:
         return {axis: (t >= begin + TURN_S + 1.0) & (t < back) for axis, (begin, back) in spans.items()}
 
 
-@dataclass(frozen=True)
-class Playback:
-    """Plays the prescribed motion; the outputs of a board have no effect."""
-
-    scenario: Scenario
-    samples: npt.NDArray[np.int16]
-    angles: dict[str, FloatArray]
-
-    def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
-        """Does nothing: the outputs have no effect."""
-
-    def counts(self, time_s: float) -> tuple[int, ...]:
-        """The six raw counts of the sample at time_s."""
-        return tuple(self.samples[self._at(time_s)].tolist())
-
-    def truth(self, time_s: float) -> dict[str, float]:
-        return {name: float(values[self._at(time_s)]) for name, values in self.angles.items()}
-
-    def setpoint(self, time_s: float) -> int:
-        return 0
-
-    def _at(self, time_s: float) -> int:
-        return round(time_s * 1e6 / self.scenario.period_us) % self.scenario.steps
-
-
 def plant(run: Scenario, *, open_loop: bool = True) -> Playback:
     """The plant of a run, which plays its samples, open loop or not."""
-    return Playback(run, run.counts(), run.truth())
+    return Playback(run.period_us, run.counts(), run.truth())
 
 
 def scenario(
