@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -261,3 +263,21 @@ def test_an_injected_run_is_armed_by_fresh_samples_only(new_board: NewBoard) -> 
         session.receive(0.001)
     assert not board.armed
     session.close()
+
+
+def test_a_board_that_is_not_ready_is_asked_every_20_ms(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each attempt takes two requests of the link."""
+    session = Session.open(NativeBoard())
+    session.upload(CONTROL, period_us=1000)
+    session.begin("REALTIME_LIVE")
+    asked_s: list[float] = []
+    execute = session.execute
+
+    def noting(request: str) -> int:
+        asked_s.append(session.clock())
+        return execute(request)
+
+    monkeypatch.setattr(session, "execute", noting)
+    session.arm()
+    pauses_s = [later - sooner for sooner, later in pairwise(asked_s)]
+    assert len(pauses_s) >= 20 and min(pauses_s) >= 0.02 and max(pauses_s) < 0.03

@@ -49,7 +49,7 @@ def test_the_identity_is_complete_and_true(tmp_path: Path, monkeypatch: pytest.M
     assert found["part"]["image"]["sha256"] == hashlib.sha256(core).hexdigest()
     assert found["part"]["image"]["compiler"].split()[0].strip(":") in ("GCC", "clang")
     assert found["host"]["python"] == platform.python_version()
-    params = quantise(quad.TUNINGS["adaptive"])
+    params = quantise(quad.TUNINGS[quad.DEFAULT_TUNING])
     assert found["parameters_crc32"] == f"0x{params.crc32():08x}"
     assert {name: row["word"] for name, row in found["parameters"].items()} == {"system": 0, **params.own()}
     period = found["parameters"]["kalman.dt_s_q33"]
