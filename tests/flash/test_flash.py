@@ -337,7 +337,7 @@ def test_the_target_flash_builds_and_writes(tmp_path: Path) -> None:
     flash_it = ["cmake", "--build", str(tmp_path), "--target", "flash"]
     for faults in (Faults(), Faults(stores_nothing=True)):
         with Bootloader(faults) as chip:
-            more = ["-DCMAKE_BUILD_TYPE=Image", "-DPLUMB_SYSTEMS=quad", f"-DPLUMB_PORT={chip.port}"]
+            more = ["-DCMAKE_BUILD_TYPE=Image", f"-DPLUMB_PORT={chip.port}"]
             subprocess.run([*configure, *more], check=True, capture_output=True, timeout=240)
             done = subprocess.run(flash_it, capture_output=True, text=True, check=False, timeout=240)
         assert (done.returncode != 0) == faults.stores_nothing, done.stdout + done.stderr
