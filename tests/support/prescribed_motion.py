@@ -56,10 +56,10 @@ def felt(rate_dps: FloatArray, moved_g: FloatArray) -> tuple[npt.NDArray[np.int1
     return np.clip(np.rint(raw), -32767, 32767).astype(np.int16), up
 
 
-def run(raw: npt.NDArray[np.int16], limit_dps: float = 2000.0) -> Words:
+def run(raw: npt.NDArray[np.int16], limit_dps: float = 2000.0, period_us: int = PERIOD_US) -> Words:
     most = min(round(limit_dps / UNIT_DPS), 32767)
     tuning = AttitudeTuning(
-        PERIOD_US,
+        period_us,
         Channel(zero_counts=0.0, unit_per_count=UNIT_DPS, min_counts=-most, max_counts=most),
         Channel(zero_counts=0.0, unit_per_count=UNIT_G, min_counts=-32766, max_counts=32766),
     )
@@ -71,6 +71,11 @@ def error_deg(words: Words, up: FloatArray) -> FloatArray:
     return np.asarray(
         np.degrees(np.arctan2(np.linalg.norm(np.cross(found, up), axis=1), np.sum(found * up, axis=1))), np.float64
     )
+
+
+def sigma_deg(words: Words) -> FloatArray:
+    """Standard deviation of the tilt as it is stated."""
+    return np.asarray(np.degrees(np.sqrt(words["tilt_variance_rad2_q32"] / 2.0**32)), np.float64)
 
 
 def flagged(words: Words, name: str) -> npt.NDArray[np.bool_]:

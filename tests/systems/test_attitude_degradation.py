@@ -16,6 +16,7 @@ from support.prescribed_motion import (
     felt,
     flagged,
     run,
+    sigma_deg,
     steps,
     still,
     swing,
@@ -33,9 +34,32 @@ def test_a_gap_in_motion_is_flagged_and_its_end_bridges_it() -> None:
     unseen_deg = np.abs(rate[gap] - rate[gap.start - 1]).sum(axis=0).max() * PERIOD_S
     assert unseen_deg > 0.1 and error[gap].max() < 1.5 * unseen_deg
     assert error[gap.stop] < 0.15 * unseen_deg, "a straight line, and the swing is curved by (pi / s)^2"
-    sigma_deg = np.degrees(np.sqrt(words["tilt_variance_rad2_q32"] / 2.0**32))
-    assert sigma_deg[gap.stop + steps(3 * BLOCK_S)] > max(2.0 * sigma_deg[gap.start], error[gap.stop])
+    sigma = sigma_deg(words)
+    assert sigma[gap.stop + steps(3 * BLOCK_S)] > max(2.0 * sigma[gap.start], error[gap.stop])
     assert error[-1] < 0.1
+
+
+def test_a_gap_that_would_end_with_a_block_ends_a_step_later() -> None:
+    rate = np.vstack([still(3.0)[0], swing(2.0, 200.0, 0.5)])
+    raw, up = felt(rate, np.zeros_like(rate))
+    block = steps(BLOCK_S)
+    last = 30 * block - 1  # the last step of a block
+    raw[last - 3 : last] = MISSING_COUNT
+    words = run(raw)
+    assert words["block_step"][last] == 0, "the block ends there"
+    assert np.array_equal(np.flatnonzero(flagged(words, "MISSING")), np.arange(last - 3, last + 1))
+    assert words["missing_steps"][-1] == 4
+    assert error_deg(words, up)[last + 1 :].max() < 0.2
+
+
+def test_a_block_of_fifteen_steps_is_measured_though_every_other_sample_is_missing() -> None:
+    """Seven of its steps bridge a gap at most, and eight compute the covariance of a block in motion."""
+    rate, moved = swing(12.0, 40.0, 0.7), still(12.0)[1]
+    raw, _ = felt(rate, moved)
+    half = raw.copy()
+    half[1::2] = MISSING_COUNT
+    whole_deg, half_deg = (sigma_deg(run(counts, period_us=8000))[-1] for counts in (raw, half))
+    assert half_deg < 1.5 * whole_deg
 
 
 def test_a_clipped_gyro_makes_the_tilt_unsure_and_rest_mends_it_within_ten_seconds() -> None:

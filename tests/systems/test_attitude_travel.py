@@ -23,6 +23,7 @@ from support.prescribed_motion import (
     felt,
     flagged,
     run,
+    sigma_deg,
     steps,
     still,
     swing,
@@ -55,6 +56,17 @@ def test_a_dash_costs_a_fraction_of_what_the_accelerometer_says(speed_mps: float
     assert error.max() < 5.5, "a third of it"
     assert not flagged(words, "RESTARTED").any()
     assert flagged(words, "ACCELERATING").any() == (speed_mps > 1.0)
+
+
+@pytest.mark.parametrize("speed_mps", [12.0, 20.0])
+def test_a_dash_is_stated_as_uncertain_as_it_is(speed_mps: float) -> None:
+    moved = dash(speed_mps)
+    rate = swing(len(moved) * PERIOD_S, 5.0, 2.0)
+    rate[: steps(REST_S - 2.0)] = 0.0
+    raw, up = felt(rate, moved)
+    words, driven = run(raw), slice(steps(REST_S), -steps(REST_S))
+    rms_deg = np.sqrt(np.mean(error_deg(words, up)[driven] ** 2))
+    assert 0.7 * rms_deg < sigma_deg(words)[driven].mean() < 2.0 * rms_deg
 
 
 @pytest.mark.parametrize("unseen_deg", [30.0, 90.0, 135.0, 179.0])
@@ -124,6 +136,18 @@ def test_the_drag_of_the_rotors_holds_the_vertical_of_a_pitched_flight() -> None
     speed_mps = G_MPS2 * np.hypot(aided["velocity_gs_q28_0"], aided["velocity_gs_q28_1"]) / 2.0**28
     assert speed_mps[-1] == pytest.approx(G_MPS2 * np.tan(np.radians(15.0)) / 0.2, rel=0.1)
     assert error_deg(flown(raw, thrust, 0.3), up)[begun:].max() < 4.0, "told half as much again"
+
+
+def test_wind_that_lasts_makes_the_stated_tilt_as_large_as_the_error_may_become() -> None:
+    """The drag of 5 m/s of wind from one step to the next, in a hover that does not give way to it."""
+    raw, up, thrust = flight(0.0, 0.2, 30.0)
+    gust = steps(REST_S + 12.0)
+    raw[gust:, 3] += np.int16(round(0.2 * 5.0 / G_MPS2 / UNIT_G))
+    words = flown(raw, thrust, 0.2)
+    sigma, error = sigma_deg(words), error_deg(words, up)
+    assert sigma[gust - 1] < 0.5
+    assert (sigma[gust + steps(2.0) :] > 3.0).all()
+    assert 1.0 < error[gust:].max() < 6.0 and (error[gust:] < sigma[gust:]).all()
 
 
 def test_without_thrust_the_ground_that_carries_the_vehicle_ends_the_flight() -> None:
