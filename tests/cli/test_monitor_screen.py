@@ -86,8 +86,8 @@ def screen_of(width: int = 100, height: int = 40, encoding: str = "utf-8") -> tu
 def test_the_display_shows_the_values_their_extremes_and_the_state(
     board: NativeBoard, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A second is a whole number of periods: the display ends while the frames of the newest step are on the line."""
-    out, _ = monitored(capsys, "--seconds", "1")
+    """Two seconds are whole periods: the display ends while the frames of the newest step are on the line."""
+    out, _ = monitored(capsys, "--seconds", "2")
     assert out.count(ALTERNATE) == out.count(ORDINARY) == 1
     last = text_of(out.split(ORDINARY)[1])
     tilt = re.search(r"^ tilt +([+-][\d.]+) +deg +([+-][\d.]+) +([+-][\d.]+)", last, re.MULTILINE)

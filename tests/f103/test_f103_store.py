@@ -115,9 +115,9 @@ class Slots:
         machine.power_on()
         assert machine.run_until(lambda: bool(machine.tim4.cr1 & 1), 100_000)
         count = len(parameters.table())
-        values = list(struct.unpack_from(f"<{count}i", machine.cpu.ram, self.values))
+        values = list(struct.unpack_from(f"<{count}I", machine.cpu.ram, self.values))
         index = [row.name for row in parameters.table()].index("period_us")
-        assert values == table(values[index]), "a mixture"
+        assert values == [value & 0xFFFFFFFF for value in table(values[index])], "a mixture"
         return int(values[index])
 
     def torn(self, slots: bytes, operation: Operation, odds: float = 0.5) -> bytes:

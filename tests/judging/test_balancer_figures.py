@@ -208,7 +208,7 @@ def test_a_push_tips_it_and_it_comes_back() -> None:
 
 
 def test_every_section_is_in_the_table() -> None:
-    assert list(balancer_figures.SECTIONS) == ["open loop", "rocked", "closed loop", "ten minutes", "loops"]
+    assert list(balancer_figures.SECTIONS) == ["open loop", "blended", "rocked", "closed loop", "ten minutes", "loops"]
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ QUEUE = 16
 SAFE_US, FRAME_US = 50_000, 2500
 NEUTRAL_US = 1000.0
 SAMPLES = 1 << 7
-READY_US = 1_200_000
+READY_US = 2_000_000
 SAMPLE = (1700, 2100, 3000)
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 
