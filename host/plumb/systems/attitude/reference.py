@@ -8,21 +8,29 @@ rad/s, a scale error in 1/64, a tilt in rad, a velocity in 2 g s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import numpy.typing as npt
 
 from plumb.kernels.reference.kernels import calibrate
-from plumb.spec.arrays import BoolArray, FloatArray
+from plumb.spec.arrays import FloatArray
 from plumb.systems.attitude.quantise import BIAS_UNITS, DEG, G_MPS2, LEAST_STEPS, SCALE_UNITS, SPEED_UNITS
+from plumb.systems.attitude.reference_state import (
+    CORRECTS,
+    DONE,
+    JUDGES,
+    VARIANCE_LIMIT,
+    VELOCITY_ADDED_G2S2,
+    Filter,
+    Samples,
+    Sums,
+)
+from plumb.systems.attitude.reference_turns import matrices, right_products, to_vertical, turned
 from plumb.systems.attitude.tuning import AttitudeTuning
 from plumb.tuning.channels import NO_SAMPLE
 
 ALIGNING_BLOCKS = 4
 WORTHLESS_G, WORTHLESS_GS = 0.15, 1.0 / 32.0
 """An acceleration, and the integral of one over a block, below which it tells no direction."""
-VARIANCE_LIMIT = 0.2
 GATE = 25.0
 TILT_STEP_RAD, HALF_ANGLE_RAD, VELOCITY_GS = 0.25, 0.43, 4.0
 VELOCITY_UNIT_GS = 2.0
@@ -43,130 +51,9 @@ CARRIED_G, TAKE_OFF_BLOCKS = 0.8, 4
 BRIDGED_RAD, BRIDGED_G, BRIDGED_SUM_G = 0.43, 1200.0, 2100.0
 LASTING_PER_S = (1.0 / 128.0, 0.5)
 """What a velocity that lasts says of the tilt, by g s: on the ground, in flight."""
-DONE, CORRECTS, JUDGES = range(3)
-"""What is left to do of the last block: one of it a step."""
-VELOCITY_ADDED_G2S2 = 0.2
 BIAS_RADPS, SCALE = np.pi / 2.0, 1.0 / 16.0
 UNITS = np.array([BIAS_UNITS] * 3 + [SCALE_UNITS] * 3)
 BIASES, SCALES, TILTS, VELOCITIES = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 10)
-
-
-def turned(first: FloatArray, then: FloatArray) -> FloatArray:
-    """Product of two quaternions (4,)."""
-    w, v, x, u = first[0], first[1:], then[0], then[1:]
-    return np.concatenate([[w * x - v @ u], w * u + x * v + np.cross(v, u)])
-
-
-def matrices(q: FloatArray) -> FloatArray:
-    """Rotation matrices of quaternions (n, 4), from body to earth, (n, 3, 3)."""
-    w, x, y, z = q.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
-
-
-def right_products(half_rad: FloatArray) -> FloatArray:
-    """Matrices (n, 4, 4) by which a turn of twice these half angles about the body's axes multiplies a quaternion."""
-    length = np.linalg.norm(half_rad, axis=1)
-    w, (x, y, z) = np.cos(length), (half_rad * np.sinc(length / np.pi)[:, None]).T
-    rows = [[w, -x, -y, -z], [x, w, z, -y], [y, -z, w, x], [z, y, -x, w]]
-    return np.moveaxis(np.array(rows), -1, 0)
-
-
-def to_vertical(force: FloatArray) -> FloatArray:
-    """The shortest turn of an acceleration (3,) to the vertical, a quaternion."""
-    length = float(np.linalg.norm(force))
-    turn = np.array([length + force[2], force[1], -force[0], 0.0])
-    size = float(np.linalg.norm(turn))
-    return turn / size if size > length / 256.0 else np.array([0.0, 1.0, 0.0, 0.0])
-
-
-@dataclass
-class Sums:
-    """What the filter needs of a block: sums of half angles (3,), of their squares, of the acceleration in earth axes
-    (3,) and of the part along the body's z (2,), of the rows of the attitude's matrix (2, 3), of those by the half
-    angles (2, 3); whether it moved; thrust: the last command; variances by gaps and by samples at a limit."""
-
-    half: FloatArray = field(default_factory=lambda: np.zeros(3))
-    square: float = 0.0
-    force: FloatArray = field(default_factory=lambda: np.zeros(3))
-    thrust_force: FloatArray = field(default_factory=lambda: np.zeros(2))
-    rows: FloatArray = field(default_factory=lambda: np.zeros((2, 3)))
-    turned: FloatArray = field(default_factory=lambda: np.zeros((2, 3)))
-    moved: bool = False
-    thrust: float = 0.0
-    tilt_added_rad2: float = 0.0
-    velocity_added_g2s2: float = 0.0
-
-    def add_variance(self, tilt_rad2: float, velocity_g2s2: float) -> None:
-        self.tilt_added_rad2 = min(self.tilt_added_rad2 + tilt_rad2, VARIANCE_LIMIT)
-        self.velocity_added_g2s2 = min(self.velocity_added_g2s2 + velocity_g2s2, VELOCITY_ADDED_G2S2)
-
-
-@dataclass
-class Filter:
-    """One run's state between two steps. correction: of the last measured block, applied after the end of the next;
-    transition, growth, mean_radps: of the last block; sums: of the block so far, block_step its steps."""
-
-    covariance: FloatArray
-    attitude: FloatArray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
-    bias_radps: FloatArray = field(default_factory=lambda: np.zeros(3))
-    scale: FloatArray = field(default_factory=lambda: np.zeros(3))
-    velocity_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
-    square_g2s2: float = 0.0
-    correction: FloatArray = field(default_factory=lambda: np.zeros(10))
-    tilt_rad2: float = 0.0
-    upwards_gs: float = 0.0
-    half_before: FloatArray = field(default_factory=lambda: np.zeros(3))
-    accel_before: FloatArray = field(default_factory=lambda: np.zeros(3))
-    half_mean: FloatArray = field(default_factory=lambda: np.zeros(3))
-    force_before: FloatArray = field(default_factory=lambda: np.zeros(3))
-    travel_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
-    travel_excess_g2s2: float = 0.0
-    rise_g: float = 0.0
-    measured_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
-    thrust_blocks: int = 0
-    airborne: bool = False
-    gap: int = 0
-    runs: list[int] = field(default_factory=lambda: [0, 0])
-    slopes: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    still_blocks: int = 0
-    aligned_blocks: int = 0
-    started: bool = False
-    sums: Sums = field(default_factory=Sums)
-    block_step: int = 0
-    left: int = DONE
-    bridged: bool = False
-    transition: FloatArray = field(default_factory=lambda: np.eye(10))
-    growth: FloatArray = field(default_factory=lambda: np.zeros(10))
-    mean_radps: FloatArray = field(default_factory=lambda: np.zeros(3))
-
-
-@dataclass(frozen=True)
-class Samples:
-    """A block of samples in body axes: rates in rad/s, accelerations in g, (n, 3); flags (n,)."""
-
-    rate: FloatArray
-    accel: FloatArray
-    thrust: FloatArray
-    missing: BoolArray
-    gyro_clipped: BoolArray
-    accel_clipped: BoolArray
-
-    def miss(self, step: int) -> None:
-        """A sample that is not taken: the acceleration of the step before stays, as long as samples are missing."""
-        self.missing[step], self.gyro_clipped[step], self.accel_clipped[step] = True, False, False
-        while step < len(self.missing) and self.missing[step]:
-            self.accel[step] = self.accel[step - 1]
-            step += 1
-
-    def part(self, begin: int, end: int) -> Samples:
-        cut = slice(begin, end)
-        flags = (self.missing[cut], self.gyro_clipped[cut], self.accel_clipped[cut])
-        return Samples(self.rate[cut], self.accel[cut], self.thrust[cut], *flags)
 
 
 class Model:

@@ -1,0 +1,252 @@
+/* The end of a block of `attitude`, and what it leaves to the steps of the next one: correction, judgement,
+ * growth and measurements, a slice a step. Included once, by attitude.c. */
+#ifndef PLUMB_SYSTEMS_ATTITUDE_BLOCK_H
+#define PLUMB_SYSTEMS_ATTITUDE_BLOCK_H
+
+#include "attitude_travel.h"
+#include "attitude_turns.h"
+
+#define TWO_BY_PI_Q31       1367130551 /* normalised bias (rad/s times 4) Q28 to turn/s Q32 */
+#define BIAS_LIMIT_Q32      (1 << 30)  /* 90 deg/s */
+#define SCALE_LIMIT_Q32     (1 << 28)
+#define SPEED_LIMIT_Q26     INT32_MAX /* 32 g^2 s^2: largest variance of a measured velocity */
+#define TILT_STEP_LIMIT_Q28 (1 << 26) /* largest correction of the tilt in a block, rad */
+#define ALIGNING_BLOCKS     4U
+#define LEAST_REST_Q16      59146U    /* 0.95^2 g^2: the acceleration of a body at rest */
+#define MOST_REST_Q16       72253U    /* 1.05^2 g^2 */
+#define MOST_BY_TURN        (1 << 30) /* growth of the tilt's variance by the square of a turn, Q32 */
+#define RISE_LIMIT_Q18      157286    /* 0.6 g: no body falls with it for seconds */
+#define RESTING_SQUARE_Q24  104857600 /* (2.5 g s)^2: a body at rest is not as fast as 25 m/s */
+#define JUDGED              (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
+
+/* What a step computes of the last block. Each measurement takes two slices; velocity x, y, and at rest bias
+ * x, y, z; the first one ends the growth, too. */
+enum { SLICE_NONE, SLICE_CORRECT, SLICE_JUDGE, SLICE_TILT_X, SLICE_TILT_Y, SLICE_MEASURE };
+
+/* The sums of a block that begins. */
+static void clear_sums(plumb_attitude_t *c) {
+    for (unsigned j = 0; j < 3U; j++) {
+        c->rows_sum_q22[0][j] = c->rows_sum_q22[1][j] = 0;
+        c->turned_sum_q28[0][j] = c->turned_sum_q28[1][j] = 0;
+        c->force_sum_q18[j] = c->half_sum_q32[j] = 0;
+    }
+    c->tilt_added_q32 = c->velocity_added_q26 = 0;
+    c->energy_q24 = 0;
+    c->thrust_sum_q18[0] = c->thrust_sum_q18[1] = 0;
+    c->moved = false;
+}
+
+/* As before the first sample; the heading stays. */
+SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
+    plumb_attitude_words_t *const w = &c->words;
+    for (unsigned i = 0; i < 3U; i++)
+        w->bias_turnps_q32[i] = w->scale_q32[i] = 0;
+    w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
+    w->velocity_square_g2s2_q24 = 0;
+    plumb_error_filter_start(&c->errors, a->start_bias, a->start_scale, a->start_tilt, a->start_speed);
+    w->tilt_variance_rad2_q32 = 2U * (uint32_t)a->start_tilt;
+    c->block_flags = PLUMB_ATTITUDE_FLAG_ALIGNING | PLUMB_ATTITUDE_FLAG_UNSURE;
+    c->slice = SLICE_NONE;
+    c->still_blocks = c->aligned_blocks = 0;
+    c->travel_gs_q28[0] = c->travel_gs_q28[1] = 0;
+    c->travel_excess_q24 = c->rise_g_q18 = 0;
+    clear_sums(c);
+}
+
+/* The corrections of the block before, as the last one has made them grow, to the state. */
+SELDOM void correct(plumb_attitude_t *c) {
+    plumb_attitude_words_t *const w = &c->words;
+    const int32_t *const by = c->errors.correction_q28;
+
+    plumb_error_filter_predict(&c->errors);
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t bias = (int32_t)asr64(mul_i64(by[BIAS + i], TWO_BY_PI_Q31) + (1 << 30), 31);
+        w->bias_turnps_q32[i] =
+            clamp_i32(w->bias_turnps_q32[i] + clamp_i32(bias, -BIAS_LIMIT_Q32, BIAS_LIMIT_Q32),
+                      -BIAS_LIMIT_Q32, BIAS_LIMIT_Q32);
+        w->scale_q32[i] =
+            clamp_i32(w->scale_q32[i] + asr32(by[SCALE + i], 2), -SCALE_LIMIT_Q32, SCALE_LIMIT_Q32);
+    }
+    const int32_t x = clamp_i32(by[TILT], -TILT_STEP_LIMIT_Q28, TILT_STEP_LIMIT_Q28);
+    const int32_t y = clamp_i32(by[TILT + 1], -TILT_STEP_LIMIT_Q28, TILT_STEP_LIMIT_Q28);
+    turn_earth(&w->attitude, ONE_Q30, 2 * x, 2 * y);
+    turn_force(c->force_before_q18, 16 * x, 16 * y);
+    for (unsigned i = 0; i < 2U; i++)
+        w->velocity_gs_q28[i] = saturated(w->velocity_gs_q28[i] + 2 * (int64_t)by[VELOCITY + i]);
+}
+
+/* A body at rest whose acceleration is 1 g, within 5 %, and 26 deg or more off the vertical: a body that
+ * accelerates horizontally so much would feel 1.11 g. */
+static bool tilted_at_rest(const int32_t mean_g_q18[3]) {
+    uint32_t square_q16 = 0, up_q16 = 0;
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t mean_g_q24 = wrap_i32((uint32_t)mean_g_q18[i] << 6);
+        up_q16 = (uint32_t)mulhi_i32(mean_g_q24, mean_g_q24);
+        square_q16 += up_q16;
+    }
+    return square_q16 > LEAST_REST_Q16 && square_q16 < MOST_REST_Q16 &&
+           (mean_g_q18[2] < 0 || up_q16 * 100U < square_q16 * 81U);
+}
+
+/* Whether the acceleration of the last block contradicts the vertical: that of a body that rests, or what has
+ * lasted. */
+static bool contradicts(plumb_attitude_t *c, const plumb_attitude_params_t *p, bool rests) {
+    int32_t mean_g_q18[3];
+    for (unsigned i = 0; i < 3U; i++)
+        mean_g_q18[i] = mulhi_i32(c->force_before_q18[i], p->inverse_block_q32);
+    c->rise_g_q18 += mulhi_near((1 << 18) - mean_g_q18[2] - c->rise_g_q18, p->travel_pass_q32);
+    return c->rise_g_q18 > RISE_LIMIT_Q18 || (rests && tilted_at_rest(mean_g_q18));
+}
+
+/* What a block has shown of the velocity: how far it is trusted to be zero, and whether the attitude is
+ * lost. Then a new start, or the first growth of the covariance.
+ *
+ * The stated variance has, besides the filter's, the tilt that keeps up a velocity that has lasted: in flight
+ * against the drag, which the filter follows in 2 s; else in 128 s, less than the velocity's own leak. */
+SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    plumb_attitude_words_t *const w = &c->words;
+    int32_t square_q24 = 0;
+    for (unsigned i = 0; i < 2U; i++) {
+        const int32_t v = clamp_i32(w->velocity_gs_q28[i], -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28);
+        w->velocity_gs_q28[i] = c->airborne ? v : v - mulhi_near(v, p->leak_q32);
+        square_q24 += mulhi_i32(w->velocity_gs_q28[i], w->velocity_gs_q28[i]);
+        const int32_t off =
+            clamp_i32(w->velocity_gs_q28[i] - c->measured_gs_q28[i], -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28);
+        c->travel_gs_q28[i] += mulhi_near(off - c->travel_gs_q28[i], p->travel_pass_q32);
+    }
+    w->velocity_square_g2s2_q24 += mulhi_near(square_q24 - w->velocity_square_g2s2_q24, p->velocity_pass_q32);
+    c->travel_excess_q24 = c->airborne ? 0 : travel_excess(c, p);
+    const int64_t moving = asr64(mul_i64(w->velocity_square_g2s2_q24, p->velocity_share_q16), 14) +
+                           asr64(mul_i64(c->travel_excess_q24, p->travel_gain_q16), 14);
+    const int32_t room = SPEED_LIMIT_Q26 - p->speed_min;
+    w->velocity_variance_g2s2_q26 =
+        c->airborne ? (uint32_t)p->aid_variance
+                    : (uint32_t)p->speed_min + (uint32_t)(moving < room ? (int32_t)moving : room);
+
+    w->tilt_variance_rad2_q32 =
+        plumb_error_filter_variance(&c->errors, TILT) + plumb_error_filter_variance(&c->errors, TILT + 1);
+    const uint32_t lasting_q24 = (uint32_t)travel_square(c);
+    w->tilt_variance_rad2_q32 += c->airborne ? min_u32(lasting_q24, 1U << 25) << 6 : lasting_q24 >> 6;
+    const bool unsure = w->tilt_variance_rad2_q32 > p->unsure;
+    const bool accelerating = w->velocity_variance_g2s2_q26 > 4U * (uint32_t)p->speed_min;
+    c->block_flags = (c->block_flags & ~(uint32_t)JUDGED) | (unsure ? PLUMB_ATTITUDE_FLAG_UNSURE : 0U) |
+                     (accelerating ? PLUMB_ATTITUDE_FLAG_ACCELERATING : 0U);
+    const bool rests = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U;
+    if (contradicts(c, p, rests) || (rests && square_q24 > RESTING_SQUARE_Q24)) {
+        start(c, p);
+        c->block_flags |= PLUMB_ATTITUDE_FLAG_RESTARTED;
+    } else {
+        plumb_error_filter_grow_velocity(&c->errors);
+    }
+}
+
+/* What the last block has left to do, one slice a step. Returns whether it has turned the attitude. */
+SHARED bool compute_slice(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    const unsigned slice = c->slice;
+    const unsigned measured = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U ? 5U : 2U;
+    const bool last = slice + 1U == SLICE_MEASURE + 2U * measured;
+    c->slice = (uint8_t)(last ? SLICE_NONE : slice + 1U);
+    if (slice == SLICE_CORRECT) {
+        correct(c);
+        return true;
+    }
+    if (slice == SLICE_JUDGE) {
+        judge(c, p);
+    } else if (slice < SLICE_MEASURE) {
+        plumb_error_filter_grow_tilt(&c->errors, slice - SLICE_TILT_X);
+    } else if ((slice - SLICE_MEASURE) % 2U != 0U) {
+        plumb_error_filter_shrink(&c->errors);
+    } else {
+        const unsigned number = (slice - SLICE_MEASURE) / 2U;
+        if (number == 0U)
+            plumb_error_filter_grow(&c->errors, travels(c) ? 0 : p->q_bias, p->q_scale);
+        if (number < 2U)
+            plumb_error_filter_weigh(
+                &c->errors, VELOCITY + number, (uint64_t)c->words.velocity_variance_g2s2_q26 << 4,
+                asr32(sub_wrap(c->measured_gs_q28[number], c->words.velocity_gs_q28[number]), 1));
+        else
+            plumb_error_filter_weigh(
+                &c->errors, BIAS + number - 2U, (uint32_t)p->rest_variance,
+                saturated(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)));
+    }
+    return false;
+}
+
+/* Velocity that a block has gained, g s Q28. */
+SELDOM int32_t gained(int32_t force_sum_q18, int32_t dt_s_q33) {
+    return saturated(asr64(mul_i64(force_sum_q18, dt_s_q33), 23));
+}
+
+/* How much the tilt has become uncertain in a block, rad^2 Q32. Lasting velocities say that turns were
+ * measured worse than the parameters expect, unless the body travels or flies. */
+static int32_t tilt_growth(const plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    const int64_t doubt = travels(c) || c->airborne ? 0 : asr64(mul_i64(travel_square(c), p->doubt_q24), 16);
+    const int64_t by_turn = p->q_turn_q24 + doubt;
+    const int64_t turned =
+        asr64(mul_i64((int32_t)c->energy_q24, by_turn < MOST_BY_TURN ? (int32_t)by_turn : MOST_BY_TURN), 24);
+    const bool blind = max_u32(c->gap_steps, c->gyro_clipped_steps) >= (uint32_t)p->block_steps;
+    const int64_t growth = p->q_tilt + turned + c->tilt_added_q32 + (blind ? p->q_clipped : 0);
+    return growth < VARIANCE_LIMIT_Q32 ? (int32_t)growth : VARIANCE_LIMIT_Q32;
+}
+
+/* The last step of a block: its sums become the coupling of tilt and gyro, a velocity, and what the slices of
+ * the next block need. Returns whether it has turned the attitude. */
+SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    plumb_attitude_words_t *const w = &c->words;
+    const int32_t dt = (int32_t)p->dt_s_q33;
+    const int32_t gains[2] = {gained(c->force_sum_q18[0], dt), gained(c->force_sum_q18[1], dt)};
+    bool moved = c->moved;
+
+    for (unsigned i = 0; i < 3U; i++) {
+        moved |= abs_u32(sub_wrap(c->force_sum_q18[i], c->force_before_q18[i])) > (uint32_t)p->rest_accel ||
+                 abs_u32(c->half_sum_q32[i]) > (uint32_t)p->rest_turn;
+        c->force_before_q18[i] = c->force_sum_q18[i];
+        c->half_mean_q32[i] = mulhi_i32(c->half_sum_q32[i], p->inverse_block_q32);
+    }
+    const uint32_t still = c->still_blocks + 1U;
+    c->still_blocks = (uint8_t)(moved ? 0U : min_u32(still, (uint32_t)p->rest_blocks));
+    const bool rests = c->still_blocks == (uint32_t)p->rest_blocks;
+    uint32_t flags = rests ? PLUMB_ATTITUDE_FLAG_REST : 0U;
+
+    const bool aligning = c->aligned_blocks < ALIGNING_BLOCKS;
+    if (aligning) {
+        /* the vertical is the mean of all so far; at least 1/32 g s, so that a fall turns nothing */
+        const int32_t x = saturated((int64_t)w->velocity_gs_q28[0] + gains[0]);
+        const int32_t y = saturated((int64_t)w->velocity_gs_q28[1] + gains[1]);
+        const int32_t z = saturated((int64_t)c->errors.correction_q28[0] + gained(c->force_sum_q18[2], dt));
+        const uint32_t half = align(&w->attitude, asr32(x, 2), asr32(y, 2), asr32(z, 2), 1U << 20);
+        c->errors.correction_q28[0] = (int32_t)min_u32(half << 3, INT32_MAX);
+        w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
+        flags |= PLUMB_ATTITUDE_FLAG_UNSURE;
+        if (++c->aligned_blocks == ALIGNING_BLOCKS)
+            c->errors.correction_q28[0] = 0;
+        else
+            flags |= PLUMB_ATTITUDE_FLAG_ALIGNING;
+    } else {
+        const int32_t time_q32 = (int32_t)((uint32_t)p->block_steps * p->dt_s_q33 >> 1);
+        const int32_t lever = saturated(asr64(mul_i64(c->force_sum_q18[2], dt), 20));
+        c->errors.half_lever_q32 = asr32(clamp_i32(lever, asr32(time_q32, 2), time_q32), 1);
+        for (unsigned i = 0; i < 2U; i++)
+            for (unsigned j = 0; j < 3U; j++) {
+                c->errors.coupling_q32[i][BIAS + j] = -(int32_t)asr64(mul_i64(c->rows_sum_q22[i][j], dt), 25);
+                c->errors.coupling_q32[i][SCALE + j] = -asr32(c->turned_sum_q28[i][j], 1);
+            }
+        for (unsigned i = 0; i < 2U; i++)
+            w->velocity_gs_q28[i] = saturated((int64_t)w->velocity_gs_q28[i] + gains[i]);
+        if (p->aid_s_q24 != 0)
+            measure_velocity(c, p, gains);
+
+        c->errors.tilt_growth_q32 = tilt_growth(c, p);
+        c->errors.velocity_growth_q32 = 16 * c->velocity_added_q26;
+
+        flags |= (lever < asr32(time_q32, 2) ? PLUMB_ATTITUDE_FLAG_FALLING : 0U) |
+                 (c->airborne ? PLUMB_ATTITUDE_FLAG_AIRBORNE : 0U) | (c->block_flags & JUDGED);
+        c->slice = SLICE_CORRECT;
+    }
+    c->block_flags = flags;
+    w->block_step = 0;
+    clear_sums(c);
+    return aligning;
+}
+
+#endif
