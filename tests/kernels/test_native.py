@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards import native_build, native_core
+from plumb.cli import doctor
 from plumb.errors import UsageError
 from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import quantise
+from plumb.tuning.quantise import ControlParams, quantise
 
 PARAMS = quantise(quad.TUNINGS["paper"])
 
@@ -79,3 +82,42 @@ def test_as_many_parameter_sets_as_runs(implementation: ModuleType) -> None:
 def test_no_steps_are_no_words(implementation: ModuleType) -> None:
     words = implementation.run_control(PARAMS, np.zeros((0, 6), int), np.zeros(0, int))
     assert words.record.shape == (0,) and words.digests().size == 0
+
+
+def stale(monkeypatch: pytest.MonkeyPatch, root: Path, *, built_s: int, changed_s: int) -> Path:
+    """A checkout with one source and a library, changed and built at these times."""
+    library, source = root / "build" / "native" / native_core.LIBRARY, root / "firmware" / "core" / "pid.c"
+    for path, time_s in ((library, built_s), (source, changed_s)):
+        path.parent.mkdir(parents=True)
+        path.touch()
+        os.utime(path, (time_s, time_s))
+    monkeypatch.setattr(native_build, "CHECKOUT", root)
+    return library
+
+
+def test_a_core_older_than_its_sources_is_named_with_the_command_that_builds_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It refuses the parameters of a version that it does not know: that is not what is wrong."""
+    wrong = ControlParams({**PARAMS.values, "kalman.rate_now": 99})
+    with pytest.raises(UsageError, match="the core refuses these parameters of quad; take those of a tuning"):
+        native_core.require_valid(wrong)
+    library = stale(monkeypatch, tmp_path, built_s=100, changed_s=101)
+    monkeypatch.setattr(native_core, "core_path", lambda: library)
+    with pytest.raises(UsageError) as refused:
+        native_core.require_valid(wrong)
+    assert str(refused.value) == (
+        f"{native_core.LIBRARY} is older than its sources (firmware/core/pid.c): "
+        "run 'cmake --preset native && cmake --build --preset native' in the checkout"
+    )
+    assert not doctor.native_core().good
+
+
+@pytest.mark.parametrize(("built_s", "place"), [(101, "build"), (102, "build"), (100, "elsewhere")])
+def test_a_core_that_was_built_after_its_sources_or_elsewhere_is_not(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, built_s: int, place: str
+) -> None:
+    library = stale(monkeypatch, tmp_path, built_s=built_s, changed_s=101)
+    if place == "elsewhere":
+        library = Path(shutil.copy2(library, tmp_path / "other.so"))
+    assert native_build.stale_text(library) == ""

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from plumb.boards.native_build import BUILD, stale_text
 from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
@@ -26,8 +27,6 @@ from plumb.tuning.quantise import Changes, ControlParams
 LIBRARY = "libplumb_native.so"
 CORE_VARIABLE = "PLUMB_NATIVE_CORE"
 """Environment variable: the library to load instead, for example one with systems of PLUMB_SYSTEM_PATH."""
-BUILD = "cmake --preset native && cmake --build --preset native"
-
 KALMAN_DTYPE = block_dtype("kalman")
 """plumb_kalman_t: the state of one filter after a step."""
 
@@ -65,9 +64,11 @@ def c_core() -> ctypes.CDLL:
             and core.plumb_sizeof_pid() == PID_DTYPE.itemsize
         )
     except (OSError, AttributeError) as error:
-        raise UsageError(f"{path} is not this core ({error}): run '{BUILD}' in the checkout") from error
+        other = f"{path} is not this core ({error}): run '{BUILD}' in the checkout"
+        raise UsageError(stale_text(path) or other) from error
     if not fits:
-        raise UsageError(f"{path} is of another version than this package: run '{BUILD}' in the checkout")
+        other = f"{path} is of another version than this package: run '{BUILD}' in the checkout"
+        raise UsageError(stale_text(path) or other)
     return core
 
 
@@ -103,7 +104,8 @@ def require_valid(params: ControlParams) -> None:
     if not word_names(c_core(), params.system):
         raise UsageError(f"the native core was built without {params.system}: build it with PLUMB_SYSTEMS that has it")
     if not params_valid(params):
-        raise UsageError(f"the core refuses these parameters of {params.system}; take those of a tuning")
+        refused = f"the core refuses these parameters of {params.system}; take those of a tuning"
+        raise UsageError(stale_text(core_path()) or refused)
 
 
 def crc32(data: bytes) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
-from plumb.boards import native_core
+from plumb.boards import native_build, native_core
 from plumb.boards.contract import RawCounts
 from plumb.errors import UsageError
 from plumb.spec import declarations
@@ -112,4 +112,5 @@ def _place(record: np.dtype[np.void], name: str) -> int:
 def _check(plant: _Plant, drawn: DrawnRun) -> None:
     for named, given in ((plant.numbers, drawn.numbers), (plant.signals, drawn.signals)):
         if (named or b"").decode() != ",".join(given):
-            raise UsageError(f"the native core is of another version than this package: run '{native_core.BUILD}'")
+            other = f"the native core is of another version than this package: run '{native_build.BUILD}'"
+            raise UsageError(native_build.stale_text(native_core.core_path()) or other)

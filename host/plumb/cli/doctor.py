@@ -132,11 +132,13 @@ def tools() -> Iterator[Finding]:
 
 
 def native_core() -> Finding:
+    from plumb.boards import native_build
     from plumb.boards import native_core as native
     from plumb.errors import UsageError
 
     try:
-        return Finding("native core", True, True, str(native.core_path()))
+        stale = native_build.stale_text(native.core_path())
+        return Finding("native core", not stale, True, stale or str(native.core_path()))
     except UsageError as error:
         return Finding("native core", False, True, str(error))
 
