@@ -2,7 +2,8 @@
 
 The transcripts come from the real C session.
 
-The tool writes the text between `<!-- begin NAME -->` and `<!-- end -->`; the rest is prose.
+The tool writes the text between `<!-- begin NAME -->` and `<!-- end -->`; the rest is prose. What the number of
+parameters or a record decides is shown as dots, so that a new parameter does not change the page.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from measure_residuals import residual_table  # type: ignore[import-not-found]  
 from plumb.bench import bus_load  # noqa: E402
 from plumb.link.session import PERIODIC  # noqa: E402
 from plumb.link.transports.slcan import frame_of_line, text_of_frames  # noqa: E402
-from plumb.spec import declarations, parameters  # noqa: E402
+from plumb.spec import parameters  # noqa: E402
 from plumb.spec.protocol import Message, load_database, protocol  # noqa: E402
 from support.link_functions import disarms  # noqa: E402
 from support.margin import SLOW, constants, parts  # noqa: E402
@@ -63,13 +64,6 @@ def value_table() -> str:
     return "\n".join(lines) + "\n"
 
 
-def record_table() -> str:
-    return "".join(
-        f"- {system.name}: {system.number << 8} to {system.number << 8 | system.record_bytes // 4 - 1}\n"
-        for system in declarations.systems().values()
-    )
-
-
 def keepalive_table() -> str:
     """How often a running host loses the armed board, from tests/c/keepalive_study.c."""
     head = "| way there and back | frames lost | pulses | disarmed in 10 minutes, three times |"
@@ -109,6 +103,36 @@ def shown_value(message: Message, signal: str, value: int) -> str:
     return message.choice(signal, value)
 
 
+DECLARED_WORDS = {"dbc_hash", "digest", "index", "count", "crc"}
+"""Words whose value follows from the declared parameters and records."""
+DECLARED_ITEMS = {"DBC_HASH", "PARAMETER_COUNT", "PARAMETER_CRC", "RECORD_WORDS", "SYSTEMS", "UNSAFE_PARAMETER"}
+DECLARED_DETAILS = {"PARAM_SET", "PARAM_COMMIT"}
+"""Requests whose index or checksum the answer repeats as its detail."""
+
+
+def declared_words(message: Message, words: dict[str, int]) -> set[str]:
+    """The words of a frame that the transcript shows as dots."""
+    named = DECLARED_WORDS & set(message.words)
+    if message.name == "IDENTITY" and message.choice("item", words["item"]) in DECLARED_ITEMS:
+        named.add("value")
+    if message.name in ("ACK", "NACK") and protocol().by_identifier[words["request"]].name in DECLARED_DETAILS:
+        named.add("detail")
+    return named
+
+
+def dotted(line: str, message: Message, hidden: set[str]) -> str:
+    """The line `tIIIL...` without the bytes of the hidden words, and without the checksum over them (byte 0)."""
+    if not hidden:
+        return line
+    sizes = (2, 4) if len(message.words) == 2 else (2, 2, 2)
+    digits = {
+        name: (2 * sum(sizes[:i]), 2 * size) for i, (name, size) in enumerate(zip(message.words, sizes, strict=True))
+    }
+    for start, length in ((5, 2), *((9 + at, length) for at, length in map(digits.__getitem__, hidden))):
+        line = line[:start] + "." * length + line[start + length :]
+    return line
+
+
 ASKER = 0x5EED0001
 """What a host draws at random."""
 
@@ -129,8 +153,10 @@ class Scene:
             message = protocol().by_identifier[frame[0]]
             words = message.decode(frame[1])
             flags = [name for name, (_, width) in message.flags.items() if width == 1 and words[name]]
+            hidden = declared_words(message, words)
+            text = dotted(text, message, hidden)
             shown = [
-                f"{name} {shown_value(message, name, words[name])}"
+                f"{name} {'..' if name in hidden else shown_value(message, name, words[name])}"
                 for name in message.words
                 if not name.startswith("reserved")
             ]
@@ -207,6 +233,7 @@ def stage_and_commit(scene: Scene) -> None:
     words = [row.default for row in rows]
     index = next(i for i, row in enumerate(rows) if row.name == "period_us")
     scene.say("PARAM_SET", index, 1)
+    scene.remark("the index is that of period_us")
     scene.say("PARAM_SET", index, 1000)
     scene.say("PARAM_COMMIT", len(words), parameters.crc32(words))
     words[index] = 1000
@@ -268,7 +295,7 @@ def transcript(name: str) -> str:
 
 def generate(text: str) -> str:
     """The document with all generated parts renewed."""
-    parts = {"messages": message_table, "values": value_table, "record": record_table}
+    parts = {"messages": message_table, "values": value_table}
     parts["keepalive"] = keepalive_table
     parts["margin"] = margin_table
     parts |= {"rates": bus_load.rate_table, "load": bus_load.step_table, "inputs": bus_load.inputs_table}

@@ -1,7 +1,8 @@
 """Load of the links: longest frame on a CAN bus, periodic frames of an open link, steps per second of every system.
 
-`python -m plumb.bench.bus_load` prints the tables that docs/reference/protocol.md contains. All are
-worst cases: each frame has as many stuff bits as possible, each step all its frames.
+`python -m plumb.bench.bus_load` prints the tables that docs/reference/protocol.md contains, and the steps that send
+every word of their record. All are worst cases: each frame has as many stuff bits as possible, each step all its
+frames.
 """
 
 from __future__ import annotations
@@ -51,6 +52,7 @@ def clock_tolerance() -> float:
 
 
 OWN_SENSORS = "real time, own sensors, verified"
+EVERY_WORD = "lockstep, every word"
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def traffic(system: str) -> Iterator[Traffic]:
     outputs = len({frame for frame, _ in module.OUTPUT_FRAMES.values()})
     words = RECORDS[system].itemsize // 4
     yield Traffic("lockstep, digests", samples, 1)
-    yield Traffic("lockstep, every word", samples, 1 + words)
+    yield Traffic(EVERY_WORD, samples, 1 + words)
     if system in systems.with_part(PINS.name):
         yield Traffic(OWN_SENSORS, 0, 1 + len(raw_frames_of(system)))
     yield Traffic("real time, through a bridge, verified", samples, 1 + 2 + outputs)
@@ -140,13 +142,16 @@ def sensor_period_us(system: str) -> int:
     return module.TUNINGS[systems.load(system, PINS).TUNING].period_us
 
 
-def step_table() -> str:
+def step_table(without: str = EVERY_WORD) -> str:
     """Markdown table of the steps per second of every system and kind of run, and the load of a 500 kbit/s bus at the
-    system's period."""
+    system's period. without: a kind of run to leave out; the page of the protocol has none whose frames the length of
+    the record decides."""
     head = ["system", "run", "frames down / up", "UART", *(f"CAN {kbit}" for kbit in BITRATES_KBIT), "load of 500"]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for system in systems.SYSTEMS:
         for t in traffic(system):
+            if t.kind == without:
+                continue
             period_us = sensor_period_us(system) if t.kind == OWN_SENSORS else systems.load(system).PERIOD_US
             own = f"{100 * t.share(500, period_us):.0f} %" if t.kind.startswith("real") else "-"
             steps = [f"{t.uart_steps_ps():.0f}", *(f"{t.bus_steps_ps(kbit):.0f}" for kbit in BITRATES_KBIT)]
@@ -157,5 +162,5 @@ def step_table() -> str:
 if __name__ == "__main__":
     print(f"each node's clock may be off by {100 * clock_tolerance():.2f} %\n")
     print(rate_table())
-    print(step_table())
+    print(step_table(without=""))
     print(inputs_table())
