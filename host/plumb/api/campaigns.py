@@ -73,7 +73,7 @@ class Runs:
         from plumb.files import whole_files
 
         place = arguments.path_of("folder", folder)
-        said = report.of(self._study, self._whole(), identity(), "plumb.runs")
+        said = report.of(self._study, self._whole(), identity(self._study), "plumb.runs")
         whole_files.write_whole({place / name: content for name, content in said.files().items()}, ADVICE)
 
 
@@ -89,6 +89,7 @@ def runs(
     faults: Sequence[str] = (),
     conditions: Mapping[str, float] | None = None,
     vary: Mapping[str, object] | None = None,
+    recordings: Path | str | None = None,
     draw: str | None = None,
     open_loop: bool = False,
     reference: bool = False,
@@ -111,8 +112,10 @@ def runs(
         start: Start-up mode of the filter instead of the tuning's own.
         faults: Faults of every run as text, as for `plumb.run`.
         conditions: Conditions of every run by name.
-        vary: What differs from run to run: `scenario`, `tuning`, `start`, `faults`, `condition.NAME` or `tuning.PATH`
-            -> a list of choices, or `{"low": .., "high": .., "log": ..}`.
+        vary: What differs from run to run: `scenario`, `tuning`, `start`, `faults`, `condition.NAME`, `tuning.PATH`, or
+            on recordings `recording` (files) and `grade` (errors, as `plumb compare` names them) -> a list of choices,
+            or `{"low": .., "high": .., "log": ..}`.
+        recordings: Folder of the recordings; None: the study's, else that of PLUMB_DATA.
         draw: `grid`, `random` or `latin-hypercube`; None: the study's, else `grid`.
         open_loop: Prescribed motion: the outputs move nothing.
         reference: Compare every run with the float64 reference, too.
@@ -135,6 +138,7 @@ def runs(
         "runs": runs, "first_seed": first_seed, "seconds": seconds, "scenario": scenario, "tuning": tuning,
         "start": start, "draw": draw, "vary": vary, "conditions": conditions, "faults": list(faults) or None,
         "open_loop": open_loop or None, "reference": reference or None,
+        "recordings": None if recordings is None else str(Path(recordings).absolute()),
     }  # fmt: skip
     table = {name: value for name, value in {**declared, **_given(asked)}.items() if value is not None}
     if resume and out is None:

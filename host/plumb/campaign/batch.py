@@ -18,8 +18,10 @@ import numpy as np
 from plumb import systems
 from plumb.boards import native_core, native_plant, open_board
 from plumb.boards.contract import Answer
+from plumb.campaign import recorded
+from plumb.campaign.recorded import RecordedRequest
 from plumb.campaign.study import Study
-from plumb.errors import PlumbError
+from plumb.errors import PlumbError, UsageError
 from plumb.physics import disturbance
 from plumb.physics.sensors import Push
 from plumb.proof import runs, scenario_run
@@ -93,28 +95,37 @@ class _Unknown(dict[str, FloatArray]):
         return np.full(self._steps, np.nan)
 
 
-def identity() -> dict[str, object]:
-    """What decides the bits of a run beside its study: the native core, the package, numpy. Workers whose identity
-    differs do not run the same campaign."""
+def identity(study: Study | None = None) -> dict[str, object]:
+    """What decides the bits of a run beside its study: the native core, the package, numpy, the content of recordings.
+    Workers whose identity differs do not run the same campaign. Raises UsageError for a recording that is not there."""
+    files = study.recording_files() if study is not None else []
     version = installed()
     return {
         "plumb": version.version,
         "commit": version.commit or None,
         "core_sha256": image_of(native_core.core_path())["sha256"],
         "numpy": np.__version__,
+        **({"recordings_sha256": recorded.content_sha256(files)} if files else {}),
     }
 
 
 def layout(study: Study) -> tuple[int, int]:
     """Runs of a batch, and samples of a run; they depend on the study alone, so that its batches are the same wherever
-    they run."""
-    steps = scenario_run.draw(study.request(0)).scenario.steps
+    they run. Raises UsageError for a study whose first run cannot be drawn."""
+    try:
+        replay = study.replay(0)
+        if replay is None:
+            steps = scenario_run.draw(study.request(0)).scenario.steps
+        else:
+            steps = len(recorded.inputs_of(replay)[0].raw)
+    except (PlumbError, ValueError, ArithmeticError) as error:
+        raise UsageError(f"{study.path or study.system}: run 0 cannot be drawn: {error}") from None
     return max(1, min(BATCH_MOST, SAMPLES // max(1, steps), -(-study.runs // PIECES))), steps
 
 
 def run_batch(study: Study, indices: range) -> Batch:
     """Run these runs; one that fails is noted with its reason, and the others go on."""
-    found = Batch(identity())
+    found = Batch(identity(study))
     done = [(index, *_attempt(study, index)) for index in indices] if study.reference or study.confirm else None
     if done is None:
         for index in indices:
@@ -145,7 +156,17 @@ def run_one(request: RunRequest) -> Run:
     """One run on the native core, without the model and the reference beside it."""
     drawn = scenario_run.draw(request)
     inputs, words = _answer(request, drawn)
-    return Run(inputs, drawn.params, words, _Unknown(len(inputs.raw)), Answer(_NO_DIGESTS, words), None)
+    return _run(inputs, drawn.params, words)
+
+
+def run_recorded(request: RecordedRequest) -> Run:
+    """The same on a recording."""
+    inputs, params = recorded.inputs_of(request)
+    return _run(inputs, params, native_core.run_control(params, inputs.raw, inputs.setpoint))
+
+
+def _run(inputs: RunInputs, params: ControlParams, words: Words) -> Run:
+    return Run(inputs, params, words, _Unknown(len(inputs.raw)), Answer(_NO_DIGESTS, words), None)
 
 
 def _answer(request: RunRequest, drawn: Drawn) -> tuple[RunInputs, Words]:
@@ -176,7 +197,8 @@ def _compiled(request: RunRequest, drawn: Drawn) -> bool:
 
 def _attempt(study: Study, index: int) -> tuple[Run | None, str | None]:
     try:
-        return run_one(study.request(index)), None
+        replay = study.replay(index)
+        return run_one(study.request(index)) if replay is None else run_recorded(replay), None
     except PlumbError as error:
         return None, str(error)
     except Exception as error:  # a defect in one run out of thousands must not take the others with it

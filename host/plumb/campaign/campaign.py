@@ -38,7 +38,7 @@ def run(study: Study, where: Where, done: Callable[[int], object] = lambda runs:
     """
     if where.resume and where.out is None:
         raise UsageError("--resume goes on with a folder: name it with --out")
-    identity, (size, steps) = batches.identity(), batches.layout(study)
+    identity, (size, steps) = batches.identity(study), batches.layout(study)
     tasks = [
         (number, range(begin, min(begin + size, study.runs))) for number, begin in enumerate(range(0, study.runs, size))
     ]

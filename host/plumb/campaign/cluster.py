@@ -41,15 +41,17 @@ def on_cluster(study: Study, tasks: Sequence[Task], address: str) -> Iterator[tu
             raise LinkError(
                 f"no worker has joined {address} within {WORKERS_S:g} s: start one with `dask worker {address}`"
             ) from None
-        _check_versions(client)
+        _check_versions(client, study)
         yield from _run(client, distributed, study, tasks, address)
     finally:
         client.close(timeout=2)
 
 
-def _check_versions(client: Any) -> None:  # Any: distributed has no types
-    here = identity()
-    for worker, there in client.run(identity, on_error="return").items():
+def _check_versions(client: Any, study: Study) -> None:  # Any: distributed has no types
+    here = identity(study)
+    for worker, there in client.run(identity, study, on_error="return").items():
+        if isinstance(there, UsageError):
+            raise UsageError(f"worker {worker} cannot run this campaign: {there}")
         if isinstance(there, BaseException):
             raise UsageError(f"worker {worker} cannot run this campaign ({_first_line(there)}): install plumb on it")
         if there != here:

@@ -30,7 +30,9 @@ from pathlib import Path
 from typing import Any
 
 from plumb import systems
+from plumb.campaign import recorded
 from plumb.campaign.factors import DRAWS, GRID, Factor, Value, factor_of, points_of, values_of
+from plumb.campaign.recorded import RecordedRequest
 from plumb.errors import UsageError
 from plumb.files.input_files import check_regular
 from plumb.near_names import did_you_mean
@@ -39,7 +41,9 @@ from plumb.proof.scenario_run import RunRequest
 from plumb.spec.tuning import AnyTuning
 
 RUNS, RUNS_MOST = 400, 10_000_000
-CHOSEN = ("scenario", "tuning", "start", "faults")
+RECORDED = ("recording", "grade")
+"""Factors of a study on recordings."""
+CHOSEN = ("scenario", "tuning", "start", "faults", *RECORDED)
 """Factors whose choices are names; others are `condition.NAME` and `tuning.PATH`."""
 CONDITION, SETTING = "condition.", "tuning."
 
@@ -62,6 +66,14 @@ class Study:
     draw: str = GRID
     draw_seed: int = 1
     vary: tuple[Factor, ...] = ()
+    recording: str | None = None
+    """Name of a recording that every run has, instead of a scenario; or a factor has it."""
+    recordings: str | None = None
+    """The folder of the recordings, seen from that of the study's file; None: that of PLUMB_DATA."""
+    grade: str | None = None
+    """Of the sensors on a recording, as `plumb compare --grade` has them."""
+    decimate: int = 1
+    """Samples of a recording in a block, whose mean is taken first."""
     limits: Mapping[str, float] = field(default_factory=dict)
     """Metric -> the most that a run may have; the share of the runs that keep it is reported."""
     reference: bool = False
@@ -98,7 +110,7 @@ class Study:
         """Run `index`, as `plumb run` would be asked for it."""
         values = self.values(index)
         conditions = dict(self.conditions)
-        settings: dict[str, float | str] = {}
+        settings = self._settings(values)
         chosen: dict[str, Any] = {"scenario": self.scenario, "tuning": self.tuning, "start": self.start}  # Any: TOML
         faults: list[str] = list(self.faults)
         for name, value in values.items():
@@ -106,9 +118,7 @@ class Study:
                 faults = [*faults, *((value,) if isinstance(value, str) else _texts(value))]
             elif name.startswith(CONDITION):
                 conditions[name.removeprefix(CONDITION)] = _number(name, value)
-            elif name.startswith(SETTING):
-                settings[name.removeprefix(SETTING)] = value if isinstance(value, str) else _number(name, value)
-            else:
+            elif name in chosen:
                 chosen[name] = value
         if settings:
             chosen["tuning"] = tuning_with(self.system, chosen["scenario"], chosen["tuning"], settings)
@@ -123,8 +133,52 @@ class Study:
             open_loop=self.open_loop,
         )
 
+    @property
+    def recordings_named(self) -> list[str]:
+        """The recordings on which runs are; [] for a study of scenarios."""
+        chosen = [one for factor in self.vary if factor.name == "recording" for one in factor.choices]
+        return [str(one) for one in chosen] or ([self.recording] if self.recording else [])
+
+    def recording_files(self) -> list[Path]:
+        """Their files. Raises UsageError where there is no folder."""
+        named = self.recordings_named
+        return [recorded.folder(self.recordings, self.path) / name for name in named] if named else []
+
+    def replay(self, index: int) -> RecordedRequest | None:
+        """Run `index` on a recording; None for a study of scenarios."""
+        if not self.recordings_named:
+            return None
+        values = self.values(index)
+        name, settings = values.get("tuning", self.tuning), self._settings(values)
+        tuning = tuning_with(self.system, None, str(name), settings) if name is not None else None
+        grade = values.get("grade", self.grade)
+        return RecordedRequest(
+            self.system,
+            recorded.folder(self.recordings, self.path) / str(values.get("recording", self.recording)),
+            self.seed(index),
+            None if grade is None else str(grade),
+            self.seconds,
+            self.decimate,
+            tuning,
+        )
+
+    def _settings(self, values: Mapping[str, Value]) -> dict[str, float | str]:
+        """Paths in the tuning -> numbers or names, of what is varied."""
+        return {
+            name.removeprefix(SETTING): value if isinstance(value, str) else _number(name, value)
+            for name, value in values.items()
+            if name.startswith(SETTING)
+        }
+
     def command(self, index: int) -> str:
         """The command line that repeats run `index`."""
+        replay = self.replay(index)
+        if replay is not None and (known := replay.command()) is not None:
+            return known
+        if replay is not None:
+            words = ["plumb", "campaign", self.path or "STUDY.toml", "--only", str(index), "--runs", str(self.runs)]
+            words += ["--first-seed", str(self.first_seed), *(["--tuning", self.tuning] if self.tuning else [])]
+            return shlex.join([*words, *(["--seconds", f"{self.seconds:g}"] if self.seconds is not None else [])])
         repeated = any(factor.name.startswith(SETTING) for factor in self.vary)
         asked = self.request(index)
         scenario, tuning, conditions, faults = asked.scenario, asked.tuning, asked.conditions, asked.faults
@@ -195,7 +249,8 @@ def _replaced(
 KEYS: dict[str, type] = {
     "system": str, "runs": int, "first_seed": int, "seconds": float, "open_loop": bool, "scenario": str, "tuning": str,
     "start": str, "faults": list, "conditions": dict, "draw": str, "draw_seed": int, "vary": dict, "limits": dict,
-    "reference": bool, "confirm": str, "link": str,
+    "reference": bool, "confirm": str, "link": str, "recording": str, "recordings": str, "grade": str,
+    "decimate": int,
 }  # fmt: skip
 """Entries of a study and their kinds."""
 KINDS: dict[type, str] = {
@@ -274,10 +329,33 @@ def check(study: Study) -> None:
         if factor.name not in CHOSEN and not factor.name.startswith((CONDITION, SETTING)):
             known = ", ".join((*CHOSEN, f"{CONDITION}NAME", f"{SETTING}PATH"))
             raise UsageError(f"'{factor.name}' cannot be varied; {known} can")
-        if factor.name in ("scenario", "tuning", "start") and not all(isinstance(one, str) for one in factor.choices):
+        named = factor.name in CHOSEN and factor.name != "faults"
+        if named and not all(isinstance(one, str) for one in factor.choices):
             raise UsageError(f"vary.{factor.name}: give a list of names")
         if factor.name in CHOSEN and not factor.choices:
             raise UsageError(f"vary.{factor.name}: give a list of choices")
+    _check_recorded(study)
     points = points_of(study.vary) if study.draw == GRID else 1
     for index in range(min(study.runs, max(points, 1), 1000)):
-        scenario_run.check(study.request(index))
+        replay = study.replay(index)
+        if replay is None:
+            scenario_run.check(study.request(index))
+        else:
+            recorded.check(replay)
+
+
+def _check_recorded(study: Study) -> None:
+    """Raises UsageError for entries that belong to a recording without one, and the other way round."""
+    varied = {factor.name for factor in study.vary}
+    if not study.recordings_named:
+        alone = [name for name in ("recordings", "grade") if getattr(study, name) is not None or name in varied]
+        alone += ["decimate"] if study.decimate != 1 else []
+        if alone:
+            raise UsageError(f"{alone[0]} is for recordings: name one with recording, or several with vary.recording")
+        return
+    given = [name for name in ("scenario", "start", "faults", "conditions") if getattr(study, name)]
+    given += sorted(name for name in varied if name in ("scenario", "start", "faults") or name.startswith(CONDITION))
+    if given:
+        raise UsageError(f"{given[0]} is for scenarios: a recording has none")
+    if study.tuning is None and "tuning" not in varied and any(name.startswith(SETTING) for name in varied):
+        raise UsageError("settings of a tuning are varied: name the tuning, with tuning = 'NAME'")

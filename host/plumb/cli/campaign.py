@@ -119,7 +119,7 @@ def main(arguments: argparse.Namespace) -> int:
         where = campaign.Where(arguments.workers, arguments.scheduler, arguments.out, arguments.resume)
         with tqdm(total=study.runs, unit="run", desc=study.system, leave=False, disable=None) as bar:
             found = Results(campaign.run(study, where, bar.update))
-    said = report.of(study, found, identity(), arguments.command_line, other)
+    said = report.of(study, found, identity(study), arguments.command_line, other)
     written = []
     if arguments.out is not None and arguments.only is None:
         files = said.files()

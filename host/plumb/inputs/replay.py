@@ -19,6 +19,7 @@ from plumb.proof.report import Statement
 from plumb.proof.runs import RunInputs
 from plumb.proof.scenario_run import ScenarioRun
 from plumb.spec.system_parts import Part
+from plumb.spec.tuning import AnyTuning
 from plumb.tuning.quantise import ControlParams
 
 
@@ -26,17 +27,20 @@ from plumb.tuning.quantise import ControlParams
 class ReplayRequest:
     """A recording to replay. axis: x, y or z, for one-axis systems. period_us: None for the recording's own or the
     system's. seconds: length of the part from the beginning; None for all of it. decimate: samples of a block, whose
-    mean is taken first; 1: none."""
+    mean is taken first; 1: none. tuning: None for the one that the system replays with. loaded: the file, where it is
+    read already."""
 
     file: Path
     axis: str = "x"
     period_us: int | None = None
     seconds: float | None = None
     decimate: int = 1
+    tuning: AnyTuning | None = None
+    loaded: Recording | None = None
 
     def recording(self) -> Recording:
         """The file as a recording, decimated; raises UsageError for one that cannot be used."""
-        return recording.decimated(recording.load(self.file), self.decimate)
+        return recording.decimated(self.loaded or recording.load(self.file), self.decimate)
 
 
 UNITS = Statement(

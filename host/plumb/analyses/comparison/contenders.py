@@ -10,8 +10,10 @@ from plumb import systems
 from plumb.analyses.comparison.published import PUBLISHED, Published, imported
 from plumb.analyses.comparison.samples import Estimate, Samples, vertical_of
 from plumb.errors import UsageError
+from plumb.proof.runs import RunInputs
 from plumb.spec import declarations
 from plumb.spec.system_parts import Part
+from plumb.spec.tuning import AnyTuning
 from plumb.tuning.quantise import ControlParams
 from plumb.version import installed
 
@@ -23,9 +25,13 @@ class Compared(Protocol):
     def TUNING_NAME(self) -> str:
         """The tuning that it runs with, one for every recording."""
 
-    def params(self, samples: Samples, /) -> ControlParams:
-        """The parameters of a run. The calibration is the sensor's nominal one (`samples.sensor`): errors of the sensor
-        are the algorithm's to find. Raises UsageError for a period that the system cannot have."""
+    def params(self, samples: Samples, tuning: AnyTuning | None = None, /) -> ControlParams:
+        """The parameters of a run with a tuning; None: its own. The calibration is the sensor's nominal one
+        (`samples.sensor`): errors of the sensor are the algorithm's to find. Raises UsageError for a period that the
+        system cannot have."""
+
+    def inputs(self, samples: Samples, /) -> RunInputs:
+        """The samples as inputs of a run, with the reference as its truth."""
 
     def estimate(self, samples: Samples, /) -> Estimate:
         """The estimate after each sample, from the C core with these parameters. A system that takes marks of missing

@@ -109,6 +109,10 @@ class Samples:
     def time_s(self) -> FloatArray:
         return np.arange(len(self.counts), dtype=np.float64) * (self.period_us * 1e-6)
 
+    def first(self, steps: int) -> Samples:
+        """The first `steps` samples."""
+        return _part(self, np.arange(min(steps, len(self.counts))))
+
 
 @dataclass(frozen=True)
 class Estimate:

@@ -8,17 +8,29 @@ import numpy as np
 
 from plumb.analyses.comparison.samples import Estimate, Samples
 from plumb.boards import native_core
+from plumb.proof.runs import RunInputs
+from plumb.spec.tuning import AnyTuning
 from plumb.systems.attitude import scenarios
+from plumb.systems.attitude.tuning import AttitudeTuning
 from plumb.tuning.quantise import ControlParams, quantise
 
 TUNING_NAME = scenarios.DEFAULT_TUNING
 
 
-def params(samples: Samples) -> ControlParams:
-    """The tuning for these sensors and this period."""
+def params(samples: Samples, tuning: AnyTuning | None = None) -> ControlParams:
+    """The tuning for these sensors and this period. None: the shipped one."""
     sensor = samples.sensor
-    tuning = scenarios.TUNINGS[TUNING_NAME]
-    return quantise(replace(tuning, period_us=samples.period_us, gyro=sensor.gyro, accel=sensor.accel))
+    given = tuning or scenarios.TUNINGS[TUNING_NAME]
+    assert isinstance(given, AttitudeTuning)
+    return quantise(replace(given, period_us=samples.period_us, gyro=sensor.gyro, accel=sensor.accel))
+
+
+def inputs(samples: Samples) -> RunInputs:
+    """The samples as inputs of a run; missing ones are marked as such."""
+    steps = len(samples.counts)
+    truth = {f"up_{axis}": column for axis, column in zip("xyz", samples.up.T, strict=True)}
+    truth |= {f"bias_{axis}_dps": np.full(steps, np.nan) for axis in "xyz"}
+    return RunInputs(samples.time_s, truth, samples.marked, np.zeros(steps, np.int32), samples.scored)
 
 
 def estimate(samples: Samples) -> Estimate:

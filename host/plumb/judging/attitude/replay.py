@@ -1,4 +1,4 @@
-"""All six axes of a recording of real sensors as inputs of a run, with the default tuning."""
+"""All six axes of a recording of real sensors as inputs of a run."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from plumb.errors import UsageError
 from plumb.inputs import recording
 from plumb.inputs.replay import ReplayRequest
 from plumb.proof.runs import RunInputs
+from plumb.proof.scenario_run import OWN
 from plumb.systems.attitude import scenarios
 from plumb.systems.attitude.quantise import PERIODS_US
+from plumb.systems.attitude.tuning import AttitudeTuning
 from plumb.tuning.quantise import ControlParams, quantise
 
 
@@ -25,7 +27,9 @@ def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[st
         raise UsageError(f"a period of {period_us} us is outside {low} to {high} us; resample with --period-us")
     if recorded.time_s[-1] > recording.MOST_STEPS * period_us * 1e-6:
         raise UsageError(f"{request.file.name} has more than {recording.MOST_STEPS} steps of {period_us} us: cut it")
-    tuning = replace(scenarios.TUNINGS[scenarios.DEFAULT_TUNING], period_us=period_us)
+    given = request.tuning or scenarios.TUNINGS[scenarios.DEFAULT_TUNING]
+    assert isinstance(given, AttitudeTuning)
+    tuning = replace(given, period_us=period_us)
     values = recording.steady(recorded.time_s, np.hstack([recorded.gyr_dps, recorded.acc_g]), period_us)
     if request.seconds is not None:
         values = values[: recording.steps_in(request.seconds, period_us, len(values))]
@@ -43,5 +47,6 @@ def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[st
         scored = recorded.movement[nearest] & np.isfinite(up).all(axis=0)
     truth = {f"up_{axis}": row for axis, row in zip("xyz", up, strict=True)}
     truth |= {f"bias_{axis}_dps": np.full(len(raw), np.nan) for axis in "xyz"}
-    heading: dict[str, object] = {"scenario": request.file.name, "tuning": scenarios.DEFAULT_TUNING}
+    name = OWN if request.tuning else scenarios.DEFAULT_TUNING
+    heading: dict[str, object] = {"scenario": request.file.name, "tuning": name}
     return RunInputs(time_s, truth, raw, np.zeros(len(raw), np.int32), scored), quantise(tuning), heading

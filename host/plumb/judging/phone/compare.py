@@ -8,7 +8,10 @@ import numpy as np
 
 from plumb.analyses.comparison.samples import Estimate, Samples
 from plumb.boards import native_core
+from plumb.proof.runs import RunInputs
+from plumb.spec.tuning import AnyTuning
 from plumb.systems.phone import scenarios as phone
+from plumb.systems.phone.tuning import PhoneTuning
 from plumb.tuning.quantise import ControlParams, quantise
 
 TUNING_NAME = phone.DEFAULT_TUNING
@@ -16,11 +19,19 @@ TURN_DEG = 360.0 / 2.0**32
 """Degrees per unit of a binary angle."""
 
 
-def params(samples: Samples) -> ControlParams:
-    """The tuning for these sensors and this period."""
+def params(samples: Samples, tuning: AnyTuning | None = None) -> ControlParams:
+    """The tuning for these sensors and this period. None: the shipped one."""
     sensor = samples.sensor
-    tuning = phone.TUNINGS[TUNING_NAME]
-    return quantise(replace(tuning, period_us=samples.period_us, gyro=sensor.gyro, accel=sensor.accel))
+    given = tuning or phone.TUNINGS[TUNING_NAME]
+    assert isinstance(given, PhoneTuning)
+    return quantise(replace(given, period_us=samples.period_us, gyro=sensor.gyro, accel=sensor.accel))
+
+
+def inputs(samples: Samples) -> RunInputs:
+    """The samples as inputs of a run."""
+    truth = dict(zip(("pitch_deg", "roll_deg"), phone.pitch_roll_deg(samples.up.T), strict=True))
+    setpoint = np.zeros(len(samples.counts), np.int32)
+    return RunInputs(samples.time_s, truth, samples.counts, setpoint, samples.scored)
 
 
 def estimate(samples: Samples) -> Estimate:

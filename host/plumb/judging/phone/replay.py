@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from plumb.inputs import recording
 from plumb.inputs.replay import ReplayRequest
 from plumb.judging.phone.inputs import live_run, udp
 from plumb.proof.runs import RunInputs
+from plumb.proof.scenario_run import OWN
 from plumb.systems.phone import scenarios as phone
-from plumb.tuning.quantise import ControlParams
+from plumb.systems.phone.tuning import PhoneTuning
+from plumb.tuning.quantise import ControlParams, quantise
 
 
 def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:
     """What `plumb replay` runs: inputs, parameters, and the heading of the summary."""
     period_us = phone.PERIOD_US if request.period_us is None else request.period_us
-    params = live_run.params_of(phone.DEFAULT_TUNING, period_us)
+    given = request.tuning or phone.TUNINGS[phone.DEFAULT_TUNING]
+    assert isinstance(given, PhoneTuning)
+    params = quantise(replace(given, period_us=period_us))
     steps, intake, recorded = udp.steps_of_file(request.file, period_us, request.decimate)
     longest = live_run.longest_run(steps)
     if request.seconds is not None:
         longest = longest[: recording.steps_in(request.seconds, period_us, len(longest))]
     heading: dict[str, object] = {
         "scenario": request.file.name,
-        "tuning": phone.DEFAULT_TUNING,
+        "tuning": OWN if request.tuning else phone.DEFAULT_TUNING,
         "received": intake.to_json(),
     }
     return live_run.inputs_of(longest, params, recorded), params, heading

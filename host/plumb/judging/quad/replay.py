@@ -5,7 +5,9 @@ from __future__ import annotations
 from plumb.inputs import recording
 from plumb.inputs.replay import ReplayRequest
 from plumb.proof.runs import RunInputs
+from plumb.proof.scenario_run import OWN
 from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning.quantise import ControlParams
 
 VERTICAL_Z = (
@@ -19,8 +21,11 @@ def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[st
     axis = recording.pick_axis(request.recording(), request.axis, request.period_us)
     if request.seconds is not None:
         axis = axis.first(recording.steps_in(request.seconds, axis.period_us, len(axis.raw)))
-    inputs, params = recording.run_inputs(axis, quad.TUNINGS["recording"])
-    heading: dict[str, object] = {"scenario": f"{request.file.name} about {request.axis}", "tuning": "recording"}
+    tuning = request.tuning or quad.TUNINGS["recording"]
+    assert isinstance(tuning, QuadTuning)
+    inputs, params = recording.run_inputs(axis, tuning)
+    name = OWN if request.tuning else "recording"
+    heading: dict[str, object] = {"scenario": f"{request.file.name} about {request.axis}", "tuning": name}
     if request.axis == "z":
         heading["warnings"] = [VERTICAL_Z]
     return inputs, params, heading
