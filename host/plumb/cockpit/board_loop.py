@@ -26,6 +26,7 @@ from plumb.cockpit.questions import Questions
 from plumb.cockpit.recording import Recording
 from plumb.cockpit.samples import Samples
 from plumb.cockpit.setpoint import StepTest, setpoint_of
+from plumb.cockpit.speed import BoardSpeed, Pace
 from plumb.errors import LinkError, PlumbError, UsageError
 from plumb.link import monitor, parameter_table
 from plumb.link.identity import NackError
@@ -43,7 +44,6 @@ TURN_S = 0.01
 STATE_EVERY_S = 0.1
 FIRST_STATUS_S = 1.0
 """Longest wait for the first STATUS, which says whether a run is on."""
-SPEED_OVER_S = 1.0
 IDLE_S = 0.5
 """A board that says so for this long has no run on."""
 FOREIGN_S = 0.12
@@ -61,26 +61,6 @@ class PlantOnBoard(Protocol):
     """Puts a simulated plant on the pins of a board, at the beginning of a run."""
 
     def attach(self, board: LinkBoard) -> None: ...
-
-
-class Pace:
-    """Holds a simulation back to real time. speed: of the last second, 1 for real time. It does not catch up."""
-
-    def __init__(self, now_s: float) -> None:
-        self._begin_s, self._begin_wall_s = now_s, time.monotonic()
-        self._speed_s, self._speed_wall_s = self._begin_s, self._begin_wall_s
-        self.speed = 1.0
-
-    def keep(self, now_s: float) -> None:
-        """Sleep for as long as the simulation is ahead, at most for one turn of the loop. now_s: its time."""
-        wall_s = time.monotonic()
-        ahead_s = (now_s - self._begin_s) - (wall_s - self._begin_wall_s)
-        if ahead_s < -STATE_EVERY_S:
-            self._begin_s, self._begin_wall_s = now_s, wall_s
-        if wall_s - self._speed_wall_s >= SPEED_OVER_S:
-            self.speed = (now_s - self._speed_s) / (wall_s - self._speed_wall_s)
-            self._speed_s, self._speed_wall_s = now_s, wall_s
-        time.sleep(min(max(0.0, ahead_s), TURN_S))
 
 
 class BoardLoop:
@@ -189,8 +169,9 @@ class BoardLoop:
         if now_s - self._stated_s >= STATE_EVERY_S or not self.state:
             self._stated_s = now_s
             self.state = self._describe()
+        self._speed.follow(self._session.telemetry.get("TIME", {}).get("time"), now_s)
         if self._paced:
-            self._pace.keep(now_s)
+            self._pace.keep(now_s, TURN_S)
 
     def _open(self, session: Session) -> None:
         """Take over a session: at the start, and after the board was restarted."""
@@ -200,7 +181,7 @@ class BoardLoop:
         session.consent = self._arming.consent
         session.listener = self._feed
         self._monitor = monitor.Monitor(session)
-        self._pace, self._stated_s = Pace(session.clock()), 0.0
+        self._pace, self._speed, self._stated_s = Pace(session.clock()), BoardSpeed(), 0.0
 
     def _close(self) -> None:
         self._questions.end()
@@ -471,7 +452,7 @@ class BoardLoop:
             "armed_here": self._arming.armed,
             "arming": self._arming.waiting,
             "own_run": self._own_run,
-            "speed": round(self._pace.speed, 2),
+            "speed": round(self._pace.speed if self._paced else self._speed.speed, 2),
             "run": None if samples is None else {
                 "number": samples.number,
                 "system": samples.system,

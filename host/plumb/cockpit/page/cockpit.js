@@ -52,6 +52,11 @@ function silent() {
   setText(byId("armed"), "unknown");
 }
 
+function slowText(speed) {
+  return `The simulated board runs at ${speed.toPrecision(2)} of real time: end other programs on its machine, `
+    + "or serve it with plumb virtual-board --port native, which takes less work.";
+}
+
 function showState(said) {
   state = said;
   run = said.run ?? null;
@@ -59,7 +64,7 @@ function showState(said) {
   if (!said.light) { trouble("waiting for the board"); return; }
   document.body.className = said.lost ? "stale" : "";
   trouble(said.lost ? `${said.lost}. The cockpit tries to open the board again.` : said.mismatch);
-  setText(byId("slow"), said.speed < 0.9 ? `The simulated board runs at ${said.speed.toPrecision(2)} of real time.` : "");
+  setText(byId("slow"), said.speed < 0.9 ? slowText(said.speed) : "");
   setText(byId("system"), `${said.run?.system ?? ""} on ${said.board}`);
   byId("light").className = said.light.colour;
   setText(byId("light-text"), said.light.text);

@@ -21,7 +21,7 @@ export function showHealth({ health, image, unique_id: chip, own_run: own }) {
       + `${count(health.board_dropped)} dropped`, health.board_dropped],
     ["CAN", `${health.can_off_bus ? "off" : "on"} the bus; errors: ${count(health.can_transmit_errors)} sent, `
       + `${count(health.can_receive_errors)} received`, health.can_off_bus],
-    ["chip", chip, false],
+    ["chip", /^0*$/.test(chip) ? "none: a board in memory (--port native)" : chip, false],
     ["image", image || "of no known commit", false],
   ]);
 }
