@@ -4,6 +4,7 @@ that hangs. On the shipped main loop in this process, whose time is simulated.""
 from __future__ import annotations
 
 import asyncio
+import inspect
 import subprocess
 import sys
 import threading
@@ -76,6 +77,24 @@ async def until(condition: Callable[[], bool]) -> None:
 
 def quad() -> plumb.aio.Board:
     return plumb.aio.connect("native", system="quad")
+
+
+def test_the_facade_takes_what_the_original_takes() -> None:
+    """Each public name of `plumb.aio.Board` is one of `plumb.Board` with the same arguments; a new argument of
+    `plumb.connect` is one of `plumb.aio.connect`."""
+
+    def arguments(of: Callable[..., object]) -> list[tuple[str, object, object]]:
+        return [(one.name, one.kind, one.default) for one in inspect.signature(of).parameters.values()]
+
+    assert arguments(plumb.aio.connect) == arguments(plumb.connect)
+    with pytest.raises(TypeError, match="sytem"):
+        plumb.aio.connect("native", sytem="quad")  # type: ignore[call-arg]
+    names = {name for name in vars(plumb.aio.Board) if not name.startswith("_")}
+    assert names == {"identity", "params", "stream", "arm", "disarm", "armed", "set_setpoint", "set_commands"}
+    for name in names:
+        facade, original = getattr(plumb.aio.Board, name), getattr(plumb.Board, name)
+        if callable(original):
+            assert arguments(facade) == arguments(original), name
 
 
 def test_the_samples_are_those_of_connect() -> None:

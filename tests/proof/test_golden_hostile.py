@@ -28,7 +28,6 @@ from plumb.spec import declarations
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning import quantise
 from support.campaigns import campaign
-from support.golden_folder import folder_of
 
 FOLDER = Path(__file__).parents[1] / "vectors"
 RECIPE = """
@@ -49,16 +48,6 @@ wild = "walk"
 seed = 6
 steps = 30
 """
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return folder_of(RECIPE, tmp_path_factory)
-
-
-@pytest.fixture
-def folder(made: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(made, tmp_path / "vectors"))
 
 
 def sentence(capsys: pytest.CaptureFixture[str], folder: Path) -> str:

@@ -29,7 +29,6 @@ from plumb.proof.golden_junit import junit, xml_text
 from plumb.proof.golden_page import page
 from plumb.spec.records import Words
 from plumb.systems import run_fixed
-from support.golden_folder import folder_of
 
 ROOT = Path(__file__).parents[2]
 PYTHON = sys.executable
@@ -53,11 +52,6 @@ wild = "walk"
 seed = 6
 steps = 30
 """
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return folder_of(RECIPE, tmp_path_factory)
 
 
 class Wrong(NativeBoard):
@@ -313,14 +307,14 @@ def test_a_board_behind_a_link_gives_the_words_around_a_step(folder: Path) -> No
 
 @pytest.mark.parametrize("option", ["--junit", "--html"])
 def test_a_report_that_cannot_be_written_is_told_before_anything_runs(
-    folder: Path, tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    made: Path, tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(golden, "check_each", lambda *_: pytest.fail("a board ran"))
     for place in (tmp_path, tmp_path / "file" / "golden", Path("/dev/null/x")):
-        assert str(place) in sentence(capsys, folder, option, str(place))
+        assert str(place) in sentence(capsys, made, option, str(place))
     assert "is named twice" in sentence(
-        capsys, folder, "--junit", str(tmp_path / "one"), "--html", str(tmp_path / "." / "one")
+        capsys, made, "--junit", str(tmp_path / "one"), "--html", str(tmp_path / "." / "one")
     )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
 

@@ -20,7 +20,6 @@ from plumb.proof import golden, golden_recipe
 from plumb.proof.golden_file import SUFFIX, Vector, sealed
 from plumb.systems import run_tasks
 from plumb.systems.tasks import KINDS, Task
-from support.golden_folder import folder_of
 
 FOLDER = Path(__file__).parents[1] / "vectors"
 ENTRIES = [entry for entry in golden_recipe.read(FOLDER) if entry.kind != "step"]
@@ -30,16 +29,6 @@ RECIPE = "".join(
     f"steps = {steps}\n"
     for kind, steps in (("retune", 60), ("plausibility", 80), ("refusal", 150))
 )
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return folder_of(RECIPE, tmp_path_factory)
-
-
-@pytest.fixture
-def folder(made: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(made, tmp_path / "vectors"))
 
 
 def read(name: str) -> Vector:

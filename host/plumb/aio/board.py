@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import inspect
 from collections.abc import AsyncIterator, Callable, Mapping
-from pathlib import Path
 from types import TracebackType
-from typing import Literal, Self
+from typing import Any, ParamSpec, Self
 
 from plumb.aio.link_thread import CLOSED, LinkThread
 from plumb.aio.parameters import Parameters
@@ -15,6 +15,8 @@ from plumb.aio.samples import Samples
 from plumb.api import connection
 from plumb.api.live import BoardIdentity
 from plumb.errors import LinkError, UsageError
+
+Options = ParamSpec("Options")
 
 
 class Board:
@@ -181,48 +183,32 @@ class Board:
         thread.tell(thread.disarm)
 
 
-def connect(
-    board: str,
-    *,
-    link: Literal["serial", "can"] = "serial",
-    image: Path | str | None = None,
-    system: str | None = None,
-    scenario: str | None = None,
-    seed: int = 1000,
-    open_loop: bool = True,
-    reconnect: bool | float = False,
-    on_lost: Callable[[str], None] | None = None,
-) -> Board:
-    """A board for `async with`; arguments as `plumb.connect` takes them. The board is opened by `async with`.
+def _options_of(
+    original: Callable[Options, connection.Board],
+) -> Callable[[Callable[..., Board]], Callable[Options, Board]]:
+    """Give a function the arguments of another, names and defaults, for type checkers and for `help`."""
 
-    Args:
-        board: As `plumb.connect` takes it.
-        link: As `plumb.connect` takes it.
-        image: As `plumb.connect` takes it.
-        system: As `plumb.connect` takes it.
-        scenario: As `plumb.connect` takes it.
-        seed: As `plumb.connect` takes it.
-        open_loop: As `plumb.connect` takes it.
-        reconnect: As `plumb.connect` takes it.
-        on_lost: As `plumb.connect` takes it; called in the event loop.
+    def with_options(function: Callable[..., Board]) -> Callable[Options, Board]:
+        described = inspect.signature(original).replace(return_annotation="Board")
+        function.__signature__ = described  # type: ignore[attr-defined]
+        return function
+
+    return with_options
+
+
+@_options_of(connection.connect)
+def connect(board: str, *, on_lost: Callable[[str], None] | None = None, **options: Any) -> Board:
+    """A board for `async with`, which opens it. The arguments are those of `plumb.connect`; `on_lost` is called in the
+    event loop.
 
     Returns:
         The board; use it in an `async with` statement, which raises UsageError and LinkError as `plumb.connect`.
     """
+    inspect.signature(connection.connect).bind(board, **options)  # a wrong name is told here, not when it is opened
     if on_lost is not None and not callable(on_lost):
         raise UsageError("on_lost: give a function")
 
     def open_(lost: Callable[[str], None] | None) -> connection.Board:
-        return connection.connect(
-            board,
-            link=link,
-            image=image,
-            system=system,
-            scenario=scenario,
-            seed=seed,
-            open_loop=open_loop,
-            reconnect=reconnect,
-            on_lost=lost,
-        )
+        return connection.connect(board, on_lost=lost, **options)
 
     return Board(str(board), open_, on_lost)

@@ -9,14 +9,14 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Literal, NamedTuple, Self
 
 from plumb.api import arguments, given_inputs
 from plumb.api.live import BoardIdentity, Sample, SampleStream
 from plumb.api.parameters import Parameters
 from plumb.api.reconnection import AnotherBoardError, Before, Found, Reconnection
 from plumb.api.runs import RunResult, request_of, run_own
-from plumb.boards import open_board, open_link_board, plant_on_pins
+from plumb.boards import contract, open_board, open_link_board, plant_on_pins
 from plumb.boards.contract import SimulatedBoard
 from plumb.boards.link import LinkBoard
 from plumb.errors import LinkError, UsageError
@@ -37,6 +37,15 @@ if TYPE_CHECKING:
     from plumb.spec.tuning import AnyTuning
 
 
+class PlantAsked(NamedTuple):
+    """What is on the sensors of a simulated board. None: the first system, the system's own scenario."""
+
+    system: str | None
+    scenario: str | None
+    seed: int
+    open_loop: bool
+
+
 class Board:
     """An open board; `connect` makes it. A context manager: leaving it, by an exception or Ctrl-C, too, disarms the
     board, ends the run and closes the link.
@@ -55,18 +64,16 @@ class Board:
     def __init__(
         self,
         name: str,
-        *,
-        link: str = "serial",
-        image: Path | None = None,
-        system: str | None = None,
-        scenario: str | None = None,
-        seed: int = 1000,
-        open_loop: bool = True,
-        reconnect: bool | float = False,
-        on_lost: Callable[[str], None] | None = None,
+        runs_on: contract.Board,
+        link: str,
+        plant: PlantAsked,
+        reconnection: Reconnection | None = None,
     ) -> None:
-        self._link = link
-        self._plant = (system, scenario, seed, open_loop)
+        self.name = name
+        self.runs_on = runs_on
+        self.consent: Callable[[], bool] | None = None
+        self._link, self._plant, self._reconnection = link, plant, reconnection
+        self._talks_to: LinkBoard | None = runs_on if isinstance(runs_on, LinkBoard) else None
         self._attached = False
         self._live = False
         self._closed = False
@@ -74,21 +81,6 @@ class Board:
         self._last: Sample | None = None
         self._heard_s = time.monotonic()
         self._period_s = 1.0
-        if system is not None:
-            declarations.system(system)
-        if (system or scenario) and name not in ("native", "virtual"):
-            raise UsageError(f"system and scenario are for native and virtual, on which a plant is put, not for {name}")
-        self.consent: Callable[[], bool] | None = None
-        self.name = name = resolved(name)
-        self.runs_on = open_board(name, link=link, image=image)
-        self._talks_to: LinkBoard | None = self.runs_on if isinstance(self.runs_on, LinkBoard) else None
-        self._reconnection: Reconnection | None = None
-        if reconnect is not False:
-            if self._talks_to is None or isinstance(self.runs_on, SimulatedBoard):
-                self.runs_on.close()
-                raise UsageError(f"reconnect is for a board over serial or CAN: {name} is never lost")
-            patience_s = None if reconnect is True else float(reconnect)
-            self._reconnection = Reconnection(lambda: open_link_board(name), patience_s, on_lost)
 
     def __enter__(self) -> Self:
         if self._closed:
@@ -487,14 +479,17 @@ def connect(
             )
     if on_lost is not None and not callable(on_lost):
         raise UsageError(f"on_lost = {arguments.shown(on_lost)}: give a function")
-    return Board(
-        board,
-        link=link,
-        image=arguments.optional_path_of("image", image),
-        system=system,
-        scenario=scenario,
-        seed=seed,
-        open_loop=open_loop,
-        reconnect=reconnect,
-        on_lost=on_lost,
-    )
+    plant = PlantAsked(system, scenario, seed, open_loop)
+    if system is not None:
+        declarations.system(system)
+    if (system or scenario) and board not in ("native", "virtual"):
+        raise UsageError(f"system and scenario are for native and virtual, on which a plant is put, not for {board}")
+    name = resolved(board)
+    opened = open_board(name, link=link, image=arguments.optional_path_of("image", image))
+    if reconnect is False:
+        return Board(name, opened, link, plant)
+    if not isinstance(opened, LinkBoard) or isinstance(opened, SimulatedBoard):
+        opened.close()
+        raise UsageError(f"reconnect is for a board over serial or CAN: {name} is never lost")
+    patience_s = None if reconnect is True else float(reconnect)
+    return Board(name, opened, link, plant, Reconnection(lambda: open_link_board(name), patience_s, on_lost))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -9,15 +10,14 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from plumb.api import arguments
 from plumb.api.recordings import Recording
-from plumb.api.runs import RunResult
 from plumb.api.signals import ReceivedArrays
-from plumb.boards import open_board
+from plumb.boards.contract import Board
 from plumb.errors import UsageError
 from plumb.inputs import log_replay, recording
 from plumb.inputs.log_replay import RecordedRun
 from plumb.inputs.step_table import Column, table_of
+from plumb.proof.scenario_run import ScenarioRun
 from plumb.spec.arrays import FloatArray
 from plumb.tuning import quantities
 from plumb.tuning.quantities import Value
@@ -61,46 +61,14 @@ class LoggedRun(Recording):
     warnings: list[str]
     _recorded: RecordedRun = field(repr=False, compare=False)
 
-    def replay(
-        self,
-        system: str | None = None,
-        board: str = "native",
-        *,
-        axis: Literal["x", "y", "z"] = "x",
-        period_s: float | None = None,
-        seconds: float | None = None,
-        link: Literal["serial", "can"] = "serial",
-        image: Path | str | None = None,
-    ) -> RunResult:
-        """Reproduce the run on a board: its raw counts, and its parameters with their changes. `verdict` is about three
-        answers, which have to be the same: those of the log, of the board, and of the integer model.
-
-        Args:
-            system: None, or the log's own.
-            board: As `plumb.run` takes it.
-            axis: Only for recordings in units.
-            period_s: Only for recordings in units.
-            seconds: Only so much of the beginning; None: all of it.
-            link: Link to board `virtual`.
-            image: Flash image of board `virtual`.
-
-        Returns:
-            The arrays of the run and the verdict.
-
-        Raises:
-            UsageError: Another system, or a period, which a log has already.
-            LinkError: The board does not answer, or no step of the run can be reproduced.
-        """
-        arguments.require_text(system=system, board=board)
-        arguments.require_number(seconds=seconds)
-        arguments.require_link(link)
+    def _prepared(
+        self, system: str | None, axis: Literal["x", "y", "z"], period_s: float | None, seconds: float | None
+    ) -> Callable[[Board, str, str | None], ScenarioRun]:
         if system not in (None, self.system):
             raise UsageError(f"{self.path.name} is of {self.system}, not of {system}")
         if period_s is not None or axis != "x":
             raise UsageError("axis and period_s are for recordings in units: a log is replayed as it was recorded")
-        with open_board(board, link=link, image=arguments.optional_path_of("image", image)) as opened:
-            beside = link if board == "virtual" else None
-            return RunResult(log_replay.reproduce(self._recorded, opened, board, beside, seconds))
+        return lambda opened, board, beside: log_replay.reproduce(self._recorded, opened, board, beside, seconds)
 
 
 def load_run(path: Path, number: int | None, params: Path | None) -> LoggedRun:

@@ -78,9 +78,11 @@ def show_integers(arguments: argparse.Namespace, words: list[int]) -> str:
         rows = tuple(parameter_file.row_named(name) for name in arguments.names)
     else:
         rows = params_text.raw_rows(arguments.filter)
-    entries = [params_text.describe(row, values) for row in rows if row.name in values]
+    entries = [params_text.raw_entry(row, values) for row in rows if row.name in values]
     if arguments.json:
-        return json.dumps({"crc32": f"0x{parameters.crc32(words):08x}", "parameters": entries})
+        return json.dumps(
+            {"crc32": f"0x{parameters.crc32(words):08x}", "parameters": [entry.to_json() for entry in entries]}
+        )
     if arguments.action == "list":
         return params_text.raw_listing(entries)
     return "\n\n".join(map(params_text.in_full, entries))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import fnmatch
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict
 
 from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.spec.parameters import Parameter
 from plumb.spec.tuning import CHOICE, NUMBER
-from plumb.spec.units import meaning
+from plumb.spec.units import Meaning, meaning
 from plumb.tuning import quantities
 from plumb.tuning.quantities import NamedQuantity, Value
 
@@ -171,42 +172,31 @@ def change_lines(before: Mapping[str, int], after: Mapping[str, int]) -> list[st
 # ---- integers ----
 
 
-class Described(TypedDict):
-    """One parameter in `params list --raw --json`: its declaration, its integer, and its value in engineering units."""
+_DECLARED = ("name", "owner", "type", "unit", "format", "min", "max", "default", "doc")
+"""What `params list --raw --json` prints of the declaration."""
 
-    name: str
-    owner: str
-    type: str
-    unit: str
-    format: str
-    min: int
-    max: int
-    default: int
-    doc: str
+
+@dataclass(frozen=True)
+class RawEntry:
+    """One parameter: its declaration, its integer, and what the integer means in engineering units."""
+
+    row: Parameter
     value: int
-    meaning: float | str | None
-    meaning_unit: str
-    meaning_text: str
+    means: Meaning
+
+    def to_json(self) -> dict[str, object]:
+        """As `params list --raw --json` prints it."""
+        return {name: getattr(self.row, name) for name in _DECLARED} | {
+            "value": self.value,
+            "meaning": self.means.choice or self.means.value,
+            "meaning_unit": self.means.unit,
+            "meaning_text": str(self.means),
+        }
 
 
-def describe(row: Parameter, values: Mapping[str, int]) -> Described:
-    """One parameter as printed with --raw --json."""
-    means = meaning(row, values)
-    return {
-        "name": row.name,
-        "owner": row.owner,
-        "type": row.type,
-        "unit": row.unit,
-        "format": row.format,
-        "min": row.min,
-        "max": row.max,
-        "default": row.default,
-        "doc": row.doc,
-        "value": values[row.name],
-        "meaning": means.choice or means.value,
-        "meaning_unit": means.unit,
-        "meaning_text": str(means),
-    }
+def raw_entry(row: Parameter, values: Mapping[str, int]) -> RawEntry:
+    """One parameter of a table of integers."""
+    return RawEntry(row, values[row.name], meaning(row, values))
 
 
 def raw_rows(pattern: str | None) -> tuple[Parameter, ...]:
@@ -220,28 +210,24 @@ def raw_rows(pattern: str | None) -> tuple[Parameter, ...]:
     return found
 
 
-def raw_listing(entries: Iterable[Described]) -> str:
+def raw_listing(entries: Iterable[RawEntry]) -> str:
     """One line for each integer, with a star if it differs from the default."""
     lines = [["  name", "value", "meaning", "unit, format", "range", "default"]]
     for entry in entries:
-        star = "  " if entry["value"] == entry["default"] else "* "
-        kind = ", ".join(filter(None, (entry["unit"], entry["format"])))
-        bounds = f"{entry['min']} .. {entry['max']}"
-        lines.append(
-            [star + entry["name"], str(entry["value"]), entry["meaning_text"], kind, bounds, str(entry["default"])]
-        )
+        row = entry.row
+        star = "  " if entry.value == row.default else "* "
+        kind = ", ".join(filter(None, (row.unit, row.format)))
+        bounds = f"{row.min} .. {row.max}"
+        lines.append([star + row.name, str(entry.value), str(entry.means), kind, bounds, str(row.default)])
     return columns(lines)
 
 
-def in_full(entry: Described) -> str:
+def in_full(entry: RawEntry) -> str:
     """One integer with its description."""
-    kind = ", ".join(filter(None, (entry["type"], entry["unit"], entry["format"])))
-    means = f"  = {entry['meaning_text']}" if entry["meaning_text"] else ""
-    return (
-        f"{entry['name']} = {entry['value']}{means}\n"
-        f"  {entry['doc']}\n"
-        f"  {kind}; {entry['min']} .. {entry['max']}, default {entry['default']}"
-    )
+    row = entry.row
+    kind = ", ".join(filter(None, (row.type, row.unit, row.format)))
+    means = f"  = {entry.means}" if str(entry.means) else ""
+    return f"{row.name} = {entry.value}{means}\n  {row.doc}\n  {kind}; {row.min} .. {row.max}, default {row.default}"
 
 
 def raw_change_lines(before: Mapping[str, int], after: Mapping[str, int]) -> list[str]:

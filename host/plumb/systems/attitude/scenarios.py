@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from plumb.errors import UsageError
 from plumb.physics import rotation
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
@@ -27,6 +26,7 @@ from plumb.systems.attitude import motion
 from plumb.systems.attitude.quantise import PERIODS_US
 from plumb.systems.attitude.tuning import AttitudeTuning, Gyro
 from plumb.systems.prescribed import Playback, Steps, put_faults
+from plumb.systems.run_length import length_s
 from plumb.tuning.channels import NO_SAMPLE
 
 PERIOD_US = 5_000
@@ -224,13 +224,7 @@ def scenario(
     motion (6, grid), gyro noise, accelerometer noise (3, steps each), gaps (steps, 2), fault noise (6, steps). A
     scenario that does not use a value draws it nevertheless, so that seeds are comparable.
     """
-    if name not in SCENARIOS:
-        raise UsageError(f"attitude has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
-    seconds = SECONDS[name] if seconds is None else seconds
-    if not 1.0 <= seconds <= 3600.0 or not PERIODS_US[0] <= period_us <= PERIODS_US[1]:
-        raise UsageError(f"a run takes 1 to 3600 s at a period of {PERIODS_US[0]} to {PERIODS_US[1]} us")
-    if seed < 0:
-        raise UsageError(f"a seed is 0 or more, not {seed}")
+    seconds = length_s("attitude", name, SECONDS, seconds, period_us, PERIODS_US, seed)
     rng, period_s, sensors = np.random.default_rng(seed), period_us * 1e-6, SENSORS.get(name, STANDARD)
     steps, points = round(seconds / period_s), round(seconds / motion.GRID_S) + 1
     inclined = np.radians(30.0) * rng.standard_normal(2)

@@ -18,7 +18,6 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, Push, faults_of
 from plumb.spec.arrays import FloatArray
@@ -28,6 +27,7 @@ from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.systems.balancer.vehicle import EDGE_M, GRID_S, Vehicle
 from plumb.systems.contracts import Plant
+from plumb.systems.run_length import length_s
 
 PERIOD_US = 10_000
 LINK = {"pins": 1, "accel_rate": 13, "gyro_filter": 1}
@@ -136,13 +136,7 @@ def scenario(
     command times, commands, push times, pushes, start bias, drift sign, scale, two offsets, disturbance (grid), bias
     walk (steps), vibration (2, steps), accelerometer noise (2, steps), gyro noise (steps), fault noise (4, steps).
     """
-    if name not in SCENARIOS:
-        raise UsageError(f"balancer has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
-    seconds = SECONDS[name] if seconds is None else seconds
-    if not 1.0 <= seconds <= 3600.0 or not 1000 <= period_us <= 50_000:
-        raise UsageError("a run takes 1 to 3600 s at a period of 1000 to 50000 us")
-    if seed < 0:
-        raise UsageError(f"a seed is 0 or more, not {seed}")
+    seconds = length_s("balancer", name, SECONDS, seconds, period_us, (1000, 50_000), seed)
     rng = np.random.default_rng(seed)
     period_s = period_us * 1e-6
     steps, points = round(seconds / period_s), round(seconds / GRID_S)

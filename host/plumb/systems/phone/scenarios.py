@@ -21,13 +21,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, band_noise, fault_of
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 from plumb.systems.prescribed import Playback, Steps, put_faults
+from plumb.systems.run_length import length_s
 
 PERIOD_US = 10_000
 GRID_S = 0.001
@@ -181,13 +181,7 @@ def scenario(
     three fixed axes (grid each), bias walk, gyro noise, accelerometer noise (3, steps each), fault noise (6, steps). A
     scenario that does not use a value draws it nevertheless, so that seeds are comparable.
     """
-    if name not in SCENARIOS:
-        raise UsageError(f"phone has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
-    seconds = SECONDS[name] if seconds is None else seconds
-    if not 1.0 <= seconds <= 3600.0 or not 500 <= period_us <= 100_000:
-        raise UsageError("a run takes 1 to 3600 s at a period of 500 to 100000 us")
-    if seed < 0:
-        raise UsageError(f"a seed is 0 or more, not {seed}")
+    seconds = length_s("phone", name, SECONDS, seconds, period_us, (500, 100_000), seed)
     rng, period_s = np.random.default_rng(seed), period_us * 1e-6
     steps, points = round(seconds / period_s), round(seconds / GRID_S)
     direction = rng.standard_normal(3)

@@ -37,6 +37,7 @@ from plumb.systems.quad.drawn_run import CHANNELS, GYRO, LateNoise, Prescribed, 
 from plumb.systems.quad.lateral import BURST_G, GRID_S, Lateral, fade
 from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
+from plumb.systems.run_length import length_s
 
 PERIOD_US = 20_000
 HOLD_PERIOD_US = 5_000
@@ -212,16 +213,9 @@ def scenario(
     gyro noise (steps), accelerometer noise (2, steps), ADC noise (3, steps), torque noise (1 + grid), fault noise
     (3, steps). A scenario that does not use a value draws it nevertheless, so that seeds are comparable.
     """
-    if name not in SCENARIOS:
-        raise UsageError(f"quad has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
-    if seconds is None:
-        seconds = SECONDS[name]
     if period_us is None:
         period_us = TUNINGS[TUNING_FOR.get(name, DEFAULT_TUNING)].period_us
-    if not 1.0 <= seconds <= 3600.0 or not 500 <= period_us <= 100_000:
-        raise UsageError("a run takes 1 to 3600 s at a period of 500 to 100000 us")
-    if seed < 0:
-        raise UsageError(f"a seed is 0 or more, not {seed}")
+    seconds = length_s("quad", name, SECONDS, seconds, period_us, (500, 100_000), seed)
     if not 0.1 <= bandwidth_hz <= 1e4:
         raise UsageError(f"bandwidth_hz={bandwidth_hz:g}: the low-pass has a corner of 0.1 to 10000 Hz")
     if not 0.0 <= delay_ms <= LONGEST_DELAY_MS:

@@ -27,6 +27,7 @@ from plumb.physics.disturbance import Request
 from plumb.physics.sensors import ADC_COUNTS
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
+from plumb.systems.run_length import length_s
 from plumb.systems.turntable.motion import REST_S, at, lagged, motion
 from plumb.systems.turntable.tuning import Fusion, Prefilter, TurntableTuning
 
@@ -246,11 +247,7 @@ def scenario(
     scales (3, 3), walks of gyro and angular accelerometer, their noise, their spikes and the spikes' signs. A scenario
     that does not use a value draws it nevertheless, so that seeds are comparable.
     """
-    if name not in SCENARIOS:
-        raise UsageError(f"turntable has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
-    seconds = SECONDS[name] if seconds is None else seconds
-    if not 1.0 <= seconds <= 3600.0 or not 500 <= period_us <= 10_000 or seed < 0:
-        raise UsageError("a run takes 1 to 3600 s at a period of 500 to 10000 us, and a seed is 0 or more")
+    seconds = length_s("turntable", name, SECONDS, seconds, period_us, (500, 10_000), seed)
     errors, dt = replace(ERRORS[name], **conditions), period_us * 1e-6
     if max(errors.spike_share, errors.lag_s, errors.gyro_scale, errors.angular_scale) > 1.0:
         raise UsageError("spike_share, gyro_scale, angular_scale and lag_s are 1 at most")
