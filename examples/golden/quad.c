@@ -23,7 +23,7 @@ int main(void) {
 
     for (size_t count = 0; fgets(line, sizeof line, stdin) != NULL;) {
         if (strncmp(line, "kind ", 5) == 0 && strcmp(line, "kind retune\n") != 0)
-            return 1;
+            return fputs("this port has steps and retunes alone: choose them with --vector\n", stderr), 1;
         if (strncmp(line, "param ", 6) == 0 && count < sizeof words / sizeof words[0])
             words[count++] = (uint32_t)strtoll(strrchr(line, ' '), NULL, 10);
         if (strncmp(line, "steps ", 6) == 0) {

@@ -384,7 +384,8 @@ def test_the_short_port_in_c_passes_its_system(tmp_path: Path, capsys: pytest.Ca
     code, out, err = run(capsys, "--board", f"program:{tmp_path}/port", *asked)
     assert code == 0, out + err
     assert re.search(rf"program:{tmp_path}/port: [2-9] vectors, \d+ steps, 0 mismatches", out)
-    assert run(capsys, "--board", f"program:{tmp_path}/port", "--vector", "quad_refusal_adaptive")[0] == 3
+    code, _, err = run(capsys, "--board", f"program:{tmp_path}/port", "--vector", "quad_refusal_adaptive")
+    assert code == 3 and "steps and retunes alone: choose them with --vector" in err
 
 
 def test_a_wrong_port_is_traced_to_its_signal(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
