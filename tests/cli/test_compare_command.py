@@ -67,7 +67,7 @@ def test_table_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert "\nSigma against error\n" in printed
     assert printed.rstrip().endswith(f"report: {tmp_path / 'out' / 'report.html'}")
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "<svg" in page and "Tilt error: swing" in page and ">VQF<" in page
+    assert page.index("<svg") < page.index("<table") and "Tilt error: swing" in page and ">VQF<" in page
     assert json.loads((tmp_path / "out" / "comparison.json").read_text())["inputs"][0]["grade"] == "recorded"
 
 

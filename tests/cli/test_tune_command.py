@@ -44,6 +44,7 @@ def test_noise_prints_figures_settings_and_the_line_that_sets_them(
     assert printed.startswith("rest.npz: at rest from 0.0 to 30.0 s of 30.0 s, 3000 samples every 10 ms.")
     assert "plumb params set kalman.q_angle_deg2_per_s=0.00" in printed
     page = (tmp_path / "out" / "report.html").read_text()
+    assert 0 < page.index("<svg") < page.index("<table"), "pictures stand before tables"
     assert "Gyro: Allan deviation" in page and page.count('<section class="still">') == 2
     assert page.count("<circle") > 50 and "averaging time (s)" in page
     told = json.loads((tmp_path / "out" / "tune.json").read_text())

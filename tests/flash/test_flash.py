@@ -19,6 +19,7 @@ from plumb.__main__ import main
 from plumb.errors import UsageError
 from plumb.flash import rom_loader
 from plumb.flash.image import own_header
+from plumb.spec import declarations
 
 pytest.importorskip("pty", reason="the simulated bootloader needs a pseudo-terminal")
 pytest.importorskip("stm32loader", reason="stm32loader is not installed: the extra flash")
@@ -334,10 +335,10 @@ def test_the_target_flash_builds_and_writes(tmp_path: Path) -> None:
     """From the sources to the chip in one command, which fails when the chip does not hold what was built."""
     toolchain = ROOT / "firmware/ports/stm32f103/toolchain.cmake"
     configure = ["cmake", "-S", str(ROOT), "-B", str(tmp_path), "-G", "Ninja", f"-DCMAKE_TOOLCHAIN_FILE={toolchain}"]
-    flash_it = ["cmake", "--build", str(tmp_path), "--target", "flash"]
+    flash_it, one_system = ["cmake", "--build", str(tmp_path), "--target", "flash"], declarations.names()[0]
     for faults in (Faults(), Faults(stores_nothing=True)):
         with Bootloader(faults) as chip:
-            more = ["-DCMAKE_BUILD_TYPE=Image", f"-DPLUMB_PORT={chip.port}"]
+            more = ["-DCMAKE_BUILD_TYPE=Image", f"-DPLUMB_SYSTEMS={one_system}", f"-DPLUMB_PORT={chip.port}"]
             subprocess.run([*configure, *more], check=True, capture_output=True, timeout=240)
             done = subprocess.run(flash_it, capture_output=True, text=True, check=False, timeout=240)
         assert (done.returncode != 0) == faults.stores_nothing, done.stdout + done.stderr

@@ -11,8 +11,8 @@ import numpy.typing as npt
 import pytest
 
 from plumb.boards import native_core
-from plumb.judging.balancer import figures as balancer_figures
 from plumb.judging.balancer.plots import TURN_DEG
+from plumb.judging.balancer.rides import Batch
 from plumb.proof import figures
 from plumb.spec.arrays import FloatArray
 from plumb.systems.balancer import scenarios as balancer
@@ -71,7 +71,7 @@ def ridden(vibration_g: float) -> tuple[npt.NDArray[np.int16], FloatArray]:
 @pytest.mark.parametrize("scenario", ["rough", "smooth"])
 def test_a_ride_written_again_has_the_same_errors(scenario: str) -> None:
     raw, truth = ridden(balancer.VIBRATION_G[scenario])
-    shipped = balancer_figures.Batch.of(scenario, figures.SEEDS)
+    shipped = Batch.of(scenario, figures.SEEDS)
     for name, tuning in balancer.TUNINGS.items():
         words = quantise(tuning)
         error = native_core.run_control(words, raw, np.zeros(truth.shape, np.int32))["tilt_turn_q32"] * TURN_DEG - truth

@@ -17,8 +17,9 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.judging.balancer import figures as balancer_figures
-from plumb.judging.balancer.figures import Float64, Integers, balance
+from plumb.judging.balancer.closed_loops import Float64, Integers, balance, settled_since
 from plumb.judging.balancer.plots import TURN_DEG
+from plumb.judging.balancer.rides import Batch
 from plumb.proof import figures
 from plumb.proof.figures import Figure
 from plumb.systems.balancer import scenarios as balancer
@@ -93,7 +94,7 @@ def test_the_comparison_is_a_fair_one() -> None:
     from plumb.boards import native_core
     from plumb.tuning import quantise
 
-    batches = [balancer_figures.Batch.of(name, range(0, 20, 2)) for name in ("rough", "smooth")]
+    batches = [Batch.of(name, range(0, 20, 2)) for name in ("rough", "smooth")]
 
     def cost(r: float, q: float) -> float:
         tuning = balancer.TUNINGS["arctan_fitted"]
@@ -179,7 +180,7 @@ def test_a_vehicle_that_falls_is_noticed() -> None:
 
 def test_a_command_counts_as_settled_5_s_behind_it() -> None:
     setpoint, time_s = np.repeat([0, 3, 3, 1], 100), 0.1 * np.arange(400, dtype=np.float64)
-    settled = balancer_figures.settled_since(setpoint, time_s)
+    settled = settled_since(setpoint, time_s)
     assert settled[:100].all(), "before the first command there is nothing to wait for"
     assert settled.tolist() == [not (100 <= k < 150 or 300 <= k < 350) for k in range(400)]
 
@@ -238,6 +239,6 @@ def test_the_page_tells_the_figures_that_come_out(ridden: Rows) -> None:
 def test_the_complementary_filter_falls_short_of_the_kalman_filter() -> None:
     """At its best constants, and with the same measured tilt."""
     for row in balancer_figures.blended_rows(range(1000, 1004)):
-        batch = balancer_figures.Batch.of(row.scenario, range(1000, 1004))
+        batch = Batch.of(row.scenario, range(1000, 1004))
         tilt, _ = balancer_figures._estimate(batch, "tuned", "tilt error", "shown", 0.0)
         assert tilt.reached < 0.7 * row.reached < 0.7

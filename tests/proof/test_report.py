@@ -190,6 +190,13 @@ def test_a_plot_can_be_read_on_a_narrow_screen(page: str) -> None:
     assert page.count('<div class="frame"><svg') == 2 and ".frame { overflow-x: auto; }" in page
 
 
+def test_a_note_of_several_plots_stands_once() -> None:
+    time_s, line = TIME_S[:100], report.Line("tilt", TIME_S[:100], report.ESTIMATE)
+    plots = [report.Plot(f"plot {i}", "deg", time_s, [line], note) for i, note in enumerate(("same", "same", "own"))]
+    text = report.page("A run", "", "", plots)
+    assert re.findall(r'<p class="note">(same|own)</p>', text) == ["same", "own"]
+
+
 def test_a_closed_loop_shows_what_was_asked_for() -> None:
     params, scenario = quantise(TUNINGS["hold"]), quad_scenario("hold", 1000, seconds=2.0)
     flown = runs.closed_loop(NativeBoard(), scenario, params)

@@ -88,7 +88,7 @@ def main(arguments: argparse.Namespace) -> int:
         from plumb.proof import report
 
         lead = f"{len(results)} inputs, {len(algorithms)} algorithms on the same counts."
-        html = report.page("Tilt error, compared", "", lead, [*found, *page.plots(results[0])])
+        html = report.page("Tilt error, compared", "", lead, [*page.plots(results[0]), *found])
         texts = {"report.html": html, "comparison.json": json.dumps(told, indent=1) + "\n"}
         report.write_whole(arguments.out, texts)
     print(json.dumps(told) if arguments.json else table_text.text(found))

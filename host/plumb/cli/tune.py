@@ -320,7 +320,7 @@ def give(
     from plumb.proof import report, table_text
 
     if arguments.out:
-        html = report.page(title, "", lead, [*tables, *plots])
+        html = report.page(title, "", lead, [*plots, *tables])
         report.write_whole(arguments.out, dict(zip(FILES, (html, json.dumps(told, indent=1) + "\n"), strict=True)))
     print(json.dumps(told) if arguments.json else f"{lead}\n\n{table_text.text(tables)}")
     if arguments.out and not arguments.json:

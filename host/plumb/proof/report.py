@@ -11,7 +11,7 @@ import hashlib
 import html
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -198,14 +198,16 @@ def page(
     """The whole page. verdict: pass, fail or unverified, "": the page judges nothing; lead: one plain sentence under
     the title; statements: what the verdict means, below it."""
     plots = [part for part in parts if isinstance(part, Plot)]
-    body, drawn = [], 0
+    body, drawn, noted = [], 0, {""}
     for index, part in enumerate(parts):
         if isinstance(part, Table):
             body.append(table_html(part))
         elif isinstance(part, XyPlot):
             body.append(xy_plot.plot_html(part, index))
         else:
-            body += ([TOOLS] if not drawn else []) + [plot_html(part, drawn)]
+            shown = replace(part, note="") if part.note in noted else part  # a note of several plots stands once
+            body += ([TOOLS] if not drawn else []) + [plot_html(shown, drawn)]
+            noted.add(part.note)
             drawn += 1
     data = json.dumps([samples(plot) for plot in plots], separators=(",", ":")).replace("<", "\\u003c")
     script = _asset("report.js")

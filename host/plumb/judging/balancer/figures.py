@@ -8,36 +8,28 @@ comparison; it has no target.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from plumb.boards import native_core, native_plant
+from plumb.boards import native_core
 from plumb.judging.balancer import loops
-from plumb.judging.balancer.plots import DUTY, RATE_DPS, TURN_DEG
-from plumb.kernels.reference import kernels as reference_kernels
+from plumb.judging.balancer.closed_loops import SETTLED_S, Balanced, Float64, balance, balanced
+from plumb.judging.balancer.paper_plots import PLOTS as PLOTS
+from plumb.judging.balancer.plots import RATE_DPS, TURN_DEG
+from plumb.judging.balancer.rides import Batch
 from plumb.kernels.reference.blending import complementary_step
 from plumb.proof import loop_figures, metrics
 from plumb.proof.figures import FLOAT_SEEDS, UNASKED, Figure, Sense, paired
 from plumb.proof.limits import Limit, Limits
 from plumb.proof.loop_figures import LeastMargins
-from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
-from plumb.proof.runs import closed_loop
 from plumb.spec.arrays import FloatArray
 from plumb.systems import run_reference, scoring
-from plumb.systems.balancer import reference as reference_balancer
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer import vehicle
-from plumb.systems.balancer.drawn_run import DPS_PER_G, GYRO, VELOCITY_UNIT, Scenario
-from plumb.systems.balancer.plant import BalancerPlant
-from plumb.systems.balancer.tuning import BalancerTuning
+from plumb.systems.balancer.drawn_run import DPS_PER_G, GYRO
 from plumb.tuning import quantise
 
 HEADLINE = ("tilt error", "rough", "tuned")
-PLOTTED_SEED, ROCKED_SEED = 1000, 1010
-"""Seed 1010 begins with a bias of 2.5 deg/s, so that the correction is visible."""
 RAW_DPS = 1.7
 """Error of the raw rate that the scenario specifies, deg/s rms."""
 
@@ -93,8 +85,6 @@ vehicle is. Gain of the speed loop: the usual 6 dB. Delay: a command half a step
 ROCKED_MAX_DEG, STAYS_UP_DEG = 5.0, 20.0
 BLENDED_TAU_S = {"rough": 0.6, "smooth": 0.4}
 """Scenario -> time constant of the complementary filter; fitted on seeds 0-19."""
-SETTLED_S = 5.0
-"""A command counts as carried out, or not, so long after it."""
 LIMITS: Limits = {
     **{
         (name, "tuned", "open"): (Limit("angle_rmse_deg", "at most", most_deg, "deg"),)
@@ -112,47 +102,6 @@ LIMITS: Limits = {
         for tuning in ("tuned", "paper_rule")
     },
 }
-
-
-@dataclass(frozen=True)
-class Batch:
-    """One scenario's prescribed rides: raw (steps, 6, runs), setpoint, tilt and rate (steps, runs)."""
-
-    name: str
-    raw: npt.NDArray[np.int16]
-    setpoint: npt.NDArray[np.int32]
-    tilt_deg: FloatArray
-    rate_dps: FloatArray
-    scored: npt.NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, name: str, seeds: Iterable[int]) -> Batch:
-        runs = [balancer.scenario(name, seed) for seed in seeds]
-        return cls(
-            name,
-            np.stack([run.counts() for run in runs], axis=-1),
-            np.stack([run.setpoint() for run in runs], axis=-1),
-            np.stack([run.ride.tilt_deg for run in runs], axis=-1),
-            np.stack([run.ride.rate_dps for run in runs], axis=-1),
-            runs[0].scored,
-        )
-
-    def tilt_rms(self, tilt_deg: FloatArray) -> FloatArray:
-        """Of every run, (runs,)."""
-        return metrics.angle_rmse_deg(tilt_deg, self.tilt_deg, self.scored)
-
-    def rate_rms(self, rate_dps: FloatArray) -> FloatArray:
-        """Of every run, (runs,)."""
-        return np.asarray(np.sqrt(np.mean((rate_dps - self.rate_dps)[self.scored] ** 2, axis=0)), np.float64)
-
-    def gyro_dps(self) -> FloatArray:
-        return np.asarray(self.raw[:, 0] * balancer.CALIBRATION.gyro.unit_per_count, np.float64)
-
-    def accel_only_deg(self) -> FloatArray:
-        return metrics.accel_only_deg(-self.raw[:, 1].astype(np.float64), self.raw[:, 2].astype(np.float64))
-
-    def gyro_only_deg(self) -> FloatArray:
-        return metrics.gyro_only_deg(self.gyro_dps(), balancer.PERIOD_US * 1e-6, self.tilt_deg[:1])
 
 
 def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
@@ -295,99 +244,6 @@ def _balanced(claim: str, name: str, reach_deg: float, ours: list[Balanced], ide
     )
 
 
-class Integers:
-    """The C integers, from counts to tilt in deg and duty in -1..1."""
-
-    def __init__(self, tuning: BalancerTuning) -> None:
-        self.controller = native_core.Controller(quantise.quantise(tuning))
-
-    def step(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
-        words = self.controller.step(raw, setpoint)
-        return words["tilt_turn_q32"] * TURN_DEG, words["duty_q15"] * DUTY
-
-
-class Float64:
-    """`plumb.systems.run_reference`, from counts to tilt in deg and duty in -1..1."""
-
-    def __init__(self, tuning: BalancerTuning) -> None:
-        self.tuning, self.wheel = tuning, reference_balancer.WheelState()
-        self.state = reference_balancer.ControlState(reference_kernels.kalman_init(tuning.start))
-
-    def step(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
-        tuning, axis = self.tuning, self.tuning.calibration
-        rate_dps, x_g, z_g = (
-            reference_kernels.calibrate(float(count), channel)
-            for count, channel in zip(raw[:3], (axis.gyro, axis.accel, axis.accel_up), strict=True)
-        )
-        _, velocity_mps, accel_g = reference_balancer.wheel_step(
-            self.wheel, tuning.wheel, tuning.period_s, float(raw[3])
-        )
-        x_g += accel_g
-        z_deg, r_deg2 = reference_kernels.tilt(x_g, z_g, tuning.tilt), reference_kernels.trust(x_g, z_g, tuning.trust)
-        asked_mps = setpoint / VELOCITY_UNIT
-        step = reference_balancer.control_step(
-            self.state, tuning, rate_dps, float(z_deg), float(r_deg2), velocity_mps, accel_g, asked_mps
-        )
-        return float(step["tilt_deg"]), float(step["duty"])
-
-
-@dataclass(frozen=True)
-class Balanced:
-    """One closed loop: error of the estimate over the scored samples, largest true tilt, velocity asked for minus true
-    velocity (rms over the scored samples; and over those at least SETTLED_S behind the last command)."""
-
-    error_rms_deg: float
-    tilt_max_deg: float
-    velocity_rms_mps: float
-    settled_rms_mps: float
-
-
-def balance(controller: Integers | Float64, name: str, seed: int, seconds: float | None = None) -> Balanced:
-    """One closed loop on this machine: the plant's counts in, the duty of the same step out."""
-    scenario = balancer.scenario(name, seed, seconds=seconds)
-    plant = BalancerPlant(scenario)
-    setpoint, duty = scenario.setpoint().tolist(), None
-    rows = np.empty((scenario.steps, 3))
-    for k, time_s in enumerate(scenario.time_s.tolist()):
-        plant.drive_to(time_s, duty)
-        tilt_deg, duty = controller.step(plant.counts(time_s), setpoint[k])
-        true = plant.truth(time_s)
-        rows[k] = true["tilt_deg"], tilt_deg, true["velocity_mps"]
-    return _judged(scenario, rows[:, 0], rows[:, 1], rows[:, 2])
-
-
-def balanced(tuning: BalancerTuning, name: str, seed: int) -> Balanced:
-    """The same with the integers and the plant in C, which gives the same counts."""
-    scenario = balancer.scenario(name, seed)
-    found = native_plant.closed_loop(scenario, quantise.quantise(tuning))
-    estimate_deg = np.asarray(found.words["tilt_turn_q32"] * TURN_DEG)
-    return _judged(scenario, found.truth["tilt_deg"], estimate_deg, found.truth["velocity_mps"])
-
-
-def _judged(scenario: Scenario, true_deg: FloatArray, estimate_deg: FloatArray, velocity_mps: FloatArray) -> Balanced:
-    scored, setpoint = scenario.scored, scenario.setpoint()
-    apart = metrics.wrap_deg(estimate_deg - true_deg)[scored]
-    slip = velocity_mps - setpoint / VELOCITY_UNIT
-    settled = scored & settled_since(setpoint, scenario.time_s)
-    return Balanced(
-        float(np.sqrt(np.mean(apart**2))),
-        float(np.max(np.abs(true_deg))),
-        float(np.sqrt(np.mean(slip[scored] ** 2))),
-        float(np.sqrt(np.mean(slip[settled] ** 2))) if settled.any() else float("nan"),
-    )
-
-
-def settled_since(
-    setpoint: npt.NDArray[np.integer[Any]],  # Any: of any width
-    time_s: FloatArray,
-) -> npt.NDArray[np.bool_]:
-    """The samples at least SETTLED_S behind the last change of the setpoint, (steps,)."""
-    changed = np.flatnonzero(np.diff(setpoint, prepend=setpoint[:1]))
-    last = np.searchsorted(changed, np.arange(len(setpoint)), side="right") - 1
-    since_s = time_s - np.where(last >= 0, time_s[changed[last]] if len(changed) else 0.0, -np.inf)
-    return np.asarray(since_s >= SETTLED_S)
-
-
 def loop_rows(_seeds: Iterable[int]) -> Iterator[Figure]:
     """Margins of both loops, the wheels rolling, by the linear model of the vehicle."""
     for loop, margins in loops.margins().items():
@@ -401,120 +257,4 @@ SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
     "closed loop": closed_rows,
     "ten minutes": endured_rows,
     "loops": loop_rows,
-}
-
-
-def figures_5_and_6(tuning: str = "paper_rule") -> list[Plot]:
-    """The paper's figures: tilt before and after the filter, raw and corrected rate, the vehicle rocked by hand."""
-    run = balancer.scenario("rocked", ROCKED_SEED)
-    words = native_core.run_control(quantise.quantise(balancer.TUNINGS[tuning]), run.counts(), run.setpoint())
-    truth, time_s = run.truth(), run.time_s
-    measured, fused = words["tilt_measured_turn_q32"] * TURN_DEG, words["tilt_turn_q32"] * TURN_DEG
-    raw, corrected = words["rate_turnps_q28"] * RATE_DPS, words["rate_corrected_turnps_q28"] * RATE_DPS
-    return [
-        Plot(
-            f"Figure 5: tilt before and after the filter ({balancer.TUNING_NOTES[tuning]})",
-            "deg",
-            time_s,
-            [
-                Line("accelerometer", measured, SENSOR, 0.7),
-                Line("true", truth["tilt_deg"], TRUTH, 1.6),
-                Line("fused", fused, ESTIMATE),
-            ],
-        ),
-        Plot(
-            "Figure 5: their errors",
-            "deg",
-            time_s,
-            [
-                Line("accelerometer", measured - truth["tilt_deg"], SENSOR, 0.7),
-                Line("fused", fused - truth["tilt_deg"], ESTIMATE),
-            ],
-        ),
-        Plot(
-            "Figure 6: rate before and after the correction",
-            "deg/s",
-            time_s,
-            [
-                Line("gyro", raw, SENSOR, 0.7),
-                Line("corrected", corrected, ESTIMATE, 0.7),
-                Line("true", truth["rate_dps"], TRUTH, 1.6),
-            ],
-        ),
-        Plot(
-            "Figure 6: their errors",
-            "deg/s",
-            time_s,
-            [
-                Line("gyro", raw - truth["rate_dps"], SENSOR, 0.7),
-                Line("corrected", corrected - truth["rate_dps"], ESTIMATE, 0.7),
-            ],
-        ),
-    ]
-
-
-def taken_off() -> list[Plot]:
-    """Errors with and without subtracting the axle's acceleration from the forward axis. Hall edges are coarse, so the
-    subtraction makes the arctangent noisier but its mean more accurate: the mean over 1 s is drawn."""
-    batch = Batch.of("smooth", [PLOTTED_SEED])
-    second = np.full(1_000_000 // balancer.PERIOD_US, balancer.PERIOD_US * 1e-6)
-    shown = slice(2000, 6000)
-    time_s = np.arange(len(batch.tilt_deg))[shown] * (balancer.PERIOD_US * 1e-6)
-    measured: list[Line] = []
-    fused: list[Line] = []
-    for tuning, label, colour in (
-        ("arctan", "nothing taken off", SECOND),
-        ("tuned", "the axle's acceleration taken off", ESTIMATE),
-    ):
-        words = native_core.run_control(quantise.quantise(balancer.TUNINGS[tuning]), batch.raw, batch.setpoint)
-        before, after = (
-            metrics.wrap_deg(words[word] * TURN_DEG - batch.tilt_deg)[:, 0]
-            for word in ("tilt_measured_turn_q32", "tilt_turn_q32")
-        )
-        measured.append(Line(label, np.convolve(before, second, mode="same")[shown], colour))
-        fused.append(Line(label, np.asarray(after[shown], np.float64), colour))
-    return [
-        Plot("Error of the arctangent, smooth, mean over 1 s", "deg", time_s, measured),
-        Plot("Error of the fused tilt, smooth", "deg", time_s, fused),
-    ]
-
-
-def closed_plots() -> list[Plot]:
-    """Closed loop on the estimate, 10 s to 50 s of `rough`: tilt, velocity, duty and pushes."""
-    from plumb.boards.native import NativeBoard
-
-    run = balancer.scenario("rough", PLOTTED_SEED)
-    trial = closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED))
-    shown = (run.time_s >= 10.0) & (run.time_s < 50.0)
-    time_s, words, truth = run.time_s[shown], trial.words, trial.inputs.truth
-    at = np.rint(time_s / vehicle.GRID_S).astype(np.int64)
-    return [
-        Plot(
-            "Tilt, the loop closed on the estimate",
-            "deg",
-            time_s,
-            [
-                Line("lean asked for", words["lean_turn_q32"][shown] * TURN_DEG, SECOND),
-                Line("true", truth["tilt_deg"][shown], TRUTH, 1.6),
-                Line("estimate", words["tilt_turn_q32"][shown] * TURN_DEG, ESTIMATE),
-            ],
-        ),
-        Plot(
-            "Velocity",
-            "m/s",
-            time_s,
-            [
-                Line("asked for", run.setpoint()[shown] / VELOCITY_UNIT, SECOND),
-                Line("true", truth["velocity_mps"][shown], TRUTH, 1.6),
-            ],
-        ),
-        Plot("Pushes, as an acceleration of the axle", "m/s^2", time_s, [Line("push", run.push_mps2[at], SECOND)]),
-        Plot("Duty of the bridge", "1 = full", time_s, [Line("duty", words["duty_q15"][shown] * DUTY, ESTIMATE)]),
-    ]
-
-
-PLOTS: dict[str, Callable[[], list[Plot]]] = {
-    "figures_5_and_6": figures_5_and_6,
-    "taken_off": taken_off,
-    "closed_loop": closed_plots,
 }
