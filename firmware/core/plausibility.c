@@ -5,7 +5,7 @@
 
 #define ACCEL_FOR       MS_Q33(200)
 #define INNOVATION_FOR  MS_Q33(300)
-#define RATE_FOR        MS_Q33(200)
+#define RATE_FOR        MS_Q33(120) /* 28 deg at once are above 15 deg for 156 ms, 0.25 s ln(28 / 15) */
 #define CONVERGED_FOR   MS_Q33(300)
 #define READY_FOR       MS_Q33(300)
 #define INNOVATION_MAX  178956971U /* 15 deg, turn Q32 */

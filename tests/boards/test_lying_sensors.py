@@ -73,7 +73,7 @@ def disarms(bench: Bench, capture: Capture, check: int) -> None:
 @pytest.mark.parametrize(
     ("pin", "volts", "check"),
     [
-        ("PA1", 3.0, 1), ("PA1", 0.3, 1), ("PA2", 3.2, 1), ("PA2", 1.65, 1),
+        ("PA1", 3.0, 4), ("PA1", 0.3, 4), ("PA2", 3.2, 1), ("PA2", 1.65, 4),
         ("PA0", 3.0, 4), ("PA0", 0.4, 4), ("PA0", 1.45, 2),
     ],
 )  # fmt: skip
@@ -98,7 +98,7 @@ def garbage(_time_s: float, chance: random.Random = random.Random(3)) -> tuple[f
 def test_a_chip_that_returns_garbage(digital: DigitalBench) -> None:
     capture = digital.armed()
     digital.accel.source = garbage
-    disarms(digital, capture, 1)
+    disarms(digital, capture, 4)  # it turns by any angle at once
 
 
 def test_the_axes_of_a_chip_swapped(digital: DigitalBench) -> None:

@@ -167,6 +167,6 @@ def test_a_long_neutral_pulse_is_sent_as_1000_us(new_board: NewBoard) -> None:
 def test_the_host_warns_before_the_board_refuses() -> None:
     assert warnings({**TABLE, "rail_ms": 0}) == [
         "the board takes this, and is not armed with it: rail_ms: 0 (0 ms) would break promise 7, "
-        f"{armed_values.promises()[7]}: set 1 (1 ms) to 150 (150 ms)"
+        f"{armed_values.promises()[7]}: set 1 (1 ms) to 100 (100 ms)"
     ]
     assert warnings(TABLE) == []

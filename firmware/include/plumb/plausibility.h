@@ -9,7 +9,7 @@
  *                 filter has converged. While its gain k0 exceeds 2 a second, the filter would soon hide the
  *                 innovation: each step then counts as four, so that 75 ms suffice
  *     RATE        the tilt that the accelerometer measures turns by 60 deg/s faster or slower than the gyro
- *                 says, 200 ms. The difference is low-passed with 0.25 s: the accelerometer's noise,
+ *                 says, 120 ms. The difference is low-passed with 0.25 s: the accelerometer's noise,
  *                 differentiated over one step, would be hundreds of deg/s. Or: the two differ from step to
  *                 step, in any direction, by more than the system's bound, mean over 0.25 s: noise
  *

@@ -101,11 +101,11 @@ def step(s: State, b: Bounds, word: Mapping[str, int], dt: int, unit_turn2_q56: 
     early = 4 * dt if (word["k0_q29"] & 0xFFFFFFFF) > dt >> 3 else dt
     s.innovation_s_q33 = _lasts(s.innovation_s_q33, odd, early, time)
     odd = abs(s.mismatch_turn_q32) > ANGLE_MAX or abs(s.unevenness_turn_q32) > b.uneven_turn_q32
-    s.rate_s_q33 = _lasts(s.rate_s_q33, odd, dt, _time_q33(200))
+    s.rate_s_q33 = _lasts(s.rate_s_q33, odd, dt, _time_q33(120))
     s.failed = (
         (ACCEL if s.accel_s_q33 >= _time_q33(200) else 0)
         | (INNOVATION if s.innovation_s_q33 >= time else 0)
-        | (RATE if s.rate_s_q33 >= _time_q33(200) else 0)
+        | (RATE if s.rate_s_q33 >= _time_q33(120) else 0)
     )
     _missing(s, b, word, dt)
 

@@ -130,15 +130,27 @@ def railed(channel: int) -> tuple[Told, ...]:
     return (DISARMED_BY_FAULT, Told("SENSORS", "analog", 1 << channel))
 
 
-def turned(which_degrees: float) -> Action:
-    """Both accelerometer pins say that the vehicle is turned by so much, with 1 g and noise as before."""
+def turned(degrees: float, over_s: float = 0.0) -> Action:
+    """Both accelerometer pins say that the vehicle turns by so much in this time, with 1 g and noise as before."""
     volts_per_g, level_v = 0.8, 1.65
 
     def inject(scene: Scene) -> None:
+        begin_s = scene.machine.now_s
         y, z = ((volts_now(scene, channel) - level_v) / volts_per_g for channel in (ACCEL_Y, ACCEL_Z))
-        c, s = math.cos(math.radians(which_degrees)), math.sin(math.radians(which_degrees))
-        held(ACCEL_Y, level_v + volts_per_g * (c * y + s * z), 1.0)(scene)
-        held(ACCEL_Z, level_v + volts_per_g * (c * z - s * y), 1.0)(scene)
+        tilt, length_g = math.atan2(y, z), math.hypot(y, z)
+
+        def pin(channel: int, part: Callable[[float], float]) -> None:
+            added = noise(f"channel {channel}", LSB_V)
+
+            def volts(time_s: float) -> float:
+                share = min((time_s - begin_s) / over_s, 1.0) if over_s else 1.0
+                angle = tilt + math.radians(degrees) * share
+                return level_v + volts_per_g * length_g * part(angle) + added(time_s)
+
+            scene.machine.adc[scene.adc_pins[channel]] = volts
+
+        pin(ACCEL_Y, math.sin)
+        pin(ACCEL_Z, math.cos)
 
     return inject
 
@@ -151,11 +163,22 @@ def settled(scene: Scene) -> None:
     scene.run(SETTLED_S)
 
 
+def turned_slowly(scene: Scene) -> None:
+    """Settled, then turned so slowly that gyro and accelerometer keep within 15 deg in 0.25 s: the innovation tells."""
+    settled(scene)
+    turned(TURNED_DEG, SLOWLY_S)(scene)
+    scene.run(SLOWLY_S)
+
+
 def armed_at_once(scene: Scene) -> None:
     """A new run, armed at the first moment at which the board allows it: the filter's gain is still high."""
     scene.session.begin("REALTIME_LIVE", frames=scene.live.FRAMES)
     arm(scene)
 
+
+TURNED_DEG = 28.0
+"""An innovation of so much is 15 deg after 300 ms of a filter that takes on 2 a second."""
+SLOWLY_S = 0.4
 
 LIMITS = {ACCEL: "force", INNOVATION: "innovation", RATE: "rate"}
 """Limit of each check of plausibility, which has to act alone; other faults of sensors have the limit `sensor`."""
@@ -172,8 +195,8 @@ _ANALOG = tuple(
         ("accel-y-at-ground", "pin of accelerometer y at 0 V", held(ACCEL_Y, 0.0), railed(ACCEL_Y)),
         ("accel-z-at-supply", "pin of accelerometer z at 3.3 V", held(ACCEL_Z, 3.3), railed(ACCEL_Z)),
         ("gyro-held-off", "pin of the gyro at 2.2 V, 1 LSB rms of noise", held(GYRO, 2.2, 1.0), RATE),
-        ("accel-y-at-3v", "pin of accelerometer y at 3.0 V, 1 LSB rms of noise", held(ACCEL_Y, 3.0, 1.0),
-         ACCEL),
+        ("accel-y-at-3v", "pin of accelerometer y at 3.0 V, 1 LSB rms of noise: it turns", held(ACCEL_Y, 3.0, 1.0),
+         RATE),
         ("accel-z-at-3v", "pin of accelerometer z at 3.0 V, 1 LSB rms of noise", held(ACCEL_Z, 3.0, 1.0),
          ACCEL),
         ("accel-y-wild", "0.5 V rms (0.6 g) of noise on the pin of accelerometer y", wild(ACCEL_Y, 0.5),
@@ -185,12 +208,14 @@ _ANALOG = tuple(
     )
 )  # fmt: skip
 
-_TURNED = "pins of the accelerometer as after a turn by 28 deg, 1 LSB rms of noise"
+_TURNED = f"pins of the accelerometer as after a turn by {TURNED_DEG:g} deg, 1 LSB rms of noise"
 _ANGLES = (
-    Fault("accel-turned", "sensors", f"{_TURNED}, {SETTLED_S:g} s after arming", turned(28.0), "innovation",
-          INNOVATION, ANALOG, prepare=settled),
-    Fault("accel-turned-soon", "sensors", f"{_TURNED}, as soon as the board is armed", turned(28.0), "innovation_soon",
-          INNOVATION, ANALOG, prepare=armed_at_once),
+    Fault("accel-turned", "sensors", f"{_TURNED}, {SETTLED_S:g} s after arming", turned(TURNED_DEG), "turn",
+          RATE, ANALOG, prepare=settled),
+    Fault("accel-turned-slowly", "sensors", f"{_TURNED} in {SLOWLY_S:g} s, from its end on", lambda _scene: None,
+          "innovation", INNOVATION, ANALOG, prepare=turned_slowly),
+    Fault("accel-turned-soon", "sensors", f"{_TURNED}, as soon as the board is armed", turned(TURNED_DEG),
+          "innovation_soon", INNOVATION, ANALOG, prepare=armed_at_once),
 )  # fmt: skip
 
 _CHIPS = tuple(
