@@ -17,6 +17,7 @@ from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.proof.faults import table
 from plumb.proof.faults.fault import Fault
+from plumb.proof.faults.limits import limits
 from plumb.proof.faults.runner import Row, Runner
 from plumb.proof.faults.scene import scenarios_of
 from plumb.spec import armed_values, parameters
@@ -43,8 +44,6 @@ PROMISED = {
 """Promise -> faults that hold it."""
 SHORTEST_HALFUS = 2000
 """The shortest pulse that drives, in the shipped tables."""
-SENSOR_MS = 500.0
-"""Within this promise 7 has a lost or wrong sensor disarm, whichever check finds it."""
 BY_A_CHECK = "EVENTS.disarm_cause: the sensors are implausible"
 ANOTHER_CHECK = "not told: PLAUSIBILITY.disarmed_by: "
 FOUND_BY_ANOTHER = {
@@ -86,8 +85,9 @@ def broken(row: Row) -> str:
     shipped parameters; the promise is that one of them disarms within 500 ms and says so."""
     if row.verdict == "pass":
         return ""
-    in_time = row.safe_ms is not None and row.safe_ms <= SENSOR_MS
-    told = row.detected_ms is not None and row.detected_ms <= row.detected_limit_ms
+    promised = limits()["sensor"]
+    in_time = row.safe_ms is not None and row.safe_ms <= promised.safe_ms
+    told = row.detected_ms is not None and row.detected_ms <= promised.detected_ms
     if row.group == "sensors" and in_time and told and BY_A_CHECK in row.reported:
         reasons = [why for why in row.why.split("; ") if why not in FOUND_BY_ANOTHER]
         return "; ".join(why for why in reasons if not why.startswith(ANOTHER_CHECK))
