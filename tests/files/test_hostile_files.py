@@ -5,9 +5,7 @@ from __future__ import annotations
 
 import os
 import random
-import resource
 import struct
-import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -16,14 +14,13 @@ import pytest
 
 from plumb.boards.flash_file import read_slots
 from plumb.cli.questions import Answers
-from plumb.errors import PlumbError, UsageError
+from plumb.errors import UsageError
 from plumb.files import settings, toml_text
 from plumb.flash import packaged_images
 from plumb.flash.elf import Elf
 from plumb.flash.image import find_image, load_own_image
 from plumb.inputs import log_export, recording
 from plumb.inputs.log_replay import chosen, open_log, runs_of
-from plumb.judging.phone.inputs.udp import steps_of_file
 from plumb.link import parameter_history
 from plumb.link.transports.open_bus import LogBus
 from plumb.proof import golden_manifest, golden_recipe
@@ -32,16 +29,10 @@ from plumb.spec import parameter_file, parameters
 from plumb.tuning import quantities_file
 from support import hostile_files
 from support.campaigns import campaign
+from support.hostile_trial import BLOCK, WHOLE, try_block
 from support.recordings import recorded_run
 
-WHOLE, BLOCK = 200, 20
-"""Files of a format, and of one test: a foreign file may take seconds on a busy machine, and a test has a limit."""
 VECTORS = Path(__file__).resolve().parents[1] / "vectors"
-CPU_S = 120.0
-"""Of this process, for one file. The largest has 3 MiB, whose reading may cost 20 s twice on this machine; without
-limits each of several kinds takes hours, so that the bound need not be close."""
-MEMORY_BYTES = 1500 << 20
-"""More of this process for all files of a format: the largest result is that of 2^20 steps of a phone, 500 MiB."""
 
 
 @cache
@@ -159,7 +150,6 @@ FORMATS: dict[str, tuple[str, Make, Read]] = {
     "slots": ("slots", lambda rng, _: hostile_files.spoilt(rng, bytes(4096)), read_slots),
     "hex": ("a.hex", lambda rng, _: hostile_files.ihex(rng, hostile_files.good_image()), load_own_image),
     "bin": ("a.bin", lambda rng, _: hostile_files.spoilt(rng, hostile_files.good_image()), load_own_image),
-    "phone": ("a.log", lambda rng, _: hostile_files.datagrams(rng), lambda path: steps_of_file(path, 5000)),
 }
 """Format -> name of the file, what makes a hostile one, what reads it."""
 
@@ -170,23 +160,7 @@ FORMATS: dict[str, tuple[str, Make, Read]] = {
 def test_a_hostile_file_is_one_sentence_or_a_result(name: str, block: int, folder: Path, tmp_path: Path) -> None:
     """No other exception, no minutes, no gigabytes, and no temporary file that stays."""
     called, make, read = FORMATS[name]
-    path, before = tmp_path / called, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    refused = 0
-    for seed in range(block * BLOCK, block * BLOCK + campaign(4, BLOCK)):
-        path.write_bytes(make(random.Random(f"{name} {seed}"), folder))
-        begin_s = time.process_time()
-        try:
-            read(path)
-        except PlumbError as error:
-            refused += 1
-            assert isinstance(error, UsageError), f"seed {seed}: {error!r}"
-            assert str(error) and "\n" not in str(error), f"seed {seed}: {error}"
-        except Exception as error:
-            raise AssertionError(f"seed {seed}") from error
-        assert time.process_time() - begin_s < CPU_S, f"seed {seed}"
-        assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 < MEMORY_BYTES, f"seed {seed}"
-    assert refused, "none of these files is hostile"
-    assert list(tmp_path.iterdir()) == [path]
+    try_block(tmp_path / called, block, lambda seed: make(random.Random(f"{name} {seed}"), folder), read)
 
 
 def test_a_field_with_a_line_break_is_told_on_one_line(tmp_path: Path) -> None:

@@ -398,21 +398,3 @@ def manifest(rng: random.Random, good: bytes) -> bytes:
             rows.append(rng.choice([row, *CONFUSED]))
     said["vectors"] = rng.choice([rows, rows, rows, rng.choice(CONFUSED)])
     return spoilt(rng, rng.choice([json.dumps(said), json.dumps(said), deep(rng, "[", "]")]).encode())
-
-
-def datagrams(rng: random.Random) -> bytes:
-    """What a phone's apps send, with values of another type, times that jump, and lines without an end."""
-    lines = []
-    for number in range(rng.choice([3, 300, 2000])):
-        stamp: object = rng.choice([number, number, number, number * 200, 0, 10**5 - number]) * 5_000_000
-        values: object = [0.1, 0.2, 9.8]
-        if rng.random() < 0.05:
-            stamp, values = rng.choice([stamp, *CONFUSED]), rng.choice([values, *CONFUSED, [1e308] * 3, ["1"] * 3])
-        kind = rng.choice(["android.sensor.gyroscope", "android.sensor.accelerometer"])
-        if rng.random() < 0.5:
-            lines.append(json.dumps({"type": kind, "timestamp": stamp, "values": values}))
-        elif rng.random() < 0.9:
-            lines.append(f"{number * 0.005}, 3, 0.1,9.8,-0.05, 4, 0.0,0.0,{rng.choice([0, 'nan', '1e999', ''])}")
-        else:
-            lines.append(rng.choice([deep(rng, "[", "]"), '{"type":' * 500, "A, 1, 2, 3", "3," * 3000, "\0" * 50]))
-    return spoilt(rng, rng.choice(["\n", "\n", "", "\r"]).join(lines).encode())
