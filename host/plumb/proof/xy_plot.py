@@ -13,12 +13,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plumb.proof.svg_plot import BOTTOM, COLUMNS, LEFT, RIGHT, TOP, VALUE_TICKS, WIDTH, path, stroke, tick_text, ticks
+from plumb.proof.svg_plot import (
+    BOTTOM,
+    COLUMNS,
+    LEFT,
+    RIGHT,
+    STYLE,
+    TITLE,
+    TOP,
+    VALUE_TICKS,
+    WIDTH,
+    path,
+    stroke,
+    tick_text,
+    ticks,
+)  # fmt: skip
 from plumb.spec.arrays import FloatArray
 
 HEIGHT = 330
 DOT = 2.5
 """Radius of a point, pixels."""
+LETTER, LINE = 6.6, 13.0
+"""Room of a letter, and of a line, of the names of points, pixels."""
 MINOR_DECADES = 3
 """Logarithmic axes of at most so many decades have ticks at 2 and 5, too."""
 
@@ -26,7 +42,7 @@ MINOR_DECADES = 3
 @dataclass(frozen=True)
 class Curve:
     """Values y over x, (points,); NaN is a gap. low, high: ends of the bars of uncertainty; points: dots, no line;
-    dashed: a line of dashes."""
+    dashed: a line of dashes. names: of the points, written beside them; () for none."""
 
     label: str
     x: FloatArray
@@ -37,6 +53,7 @@ class Curve:
     high: FloatArray | None = None
     points: bool = False
     dashed: bool = False
+    names: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -131,7 +148,7 @@ def panel(plot: XyPlot, index: str) -> str:
             f'<path class="grid" d="M{LEFT},{at:.1f}H{WIDTH - RIGHT}"/>'
             f'<text class="v" x="{LEFT - 7}" y="{at + 4:.1f}">{text}</text>'
         )
-    drawn = "".join(_curve(curve, x, y) for curve in plot.curves)
+    drawn = "".join(_curve(curve, x, y) + _names(curve, x, y) for curve in plot.curves)
     return (
         f'<clipPath id="xy{index}"><rect x="{LEFT}" y="{TOP}" width="{COLUMNS}" height="{floor - TOP}"/></clipPath>'
         f'<g class="ticks">{"".join(marks)}</g><path class="axis" d="M{LEFT},{TOP}V{floor}H{WIDTH - RIGHT}"/>'
@@ -159,6 +176,33 @@ def _curve(curve: Curve, x: _Scale, y: _Scale) -> str:
         return drawn
     dash = ";stroke-dasharray:5 4" if curve.dashed else ""
     return f'{drawn}<path style="stroke:{css};stroke-width:{curve.width:g}{dash}" d="{path(across, down)}"/>'
+
+
+def _names(curve: Curve, x: _Scale, y: _Scale) -> str:
+    """The names of the points, to the right of them, or to the left near the right edge; lower where one would lie on
+    another."""
+    said: list[str] = []
+    taken: list[tuple[float, float, float]] = []
+    for across, down, name in sorted(zip(x(curve.x), y(curve.y), curve.names, strict=False), key=lambda one: one[1]):
+        end, width = across > LEFT + 0.75 * COLUMNS, LETTER * len(name)
+        left = across - 8.0 - width if end else across + 8.0
+        while any(abs(down - at) < LINE and left < right and begin < left + width for begin, right, at in taken):
+            down += 1.0
+        taken.append((left, left + width, down))
+        place = f'style="text-anchor:end" x="{left + width:.1f}"' if end else f'x="{left:.1f}"'
+        said.append(f'<text {place} y="{down + 4:.1f}">{html.escape(name)}</text>')
+    return "".join(said)
+
+
+def plot_svg(plot: XyPlot) -> str:
+    """The panel with its title, as an SVG that stands alone on a white ground."""
+    words, drawn = html.escape(described(plot), quote=True), panel(plot, "0")
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT + TITLE}" role="img" '
+        f'aria-label="{words}" style="background:#fff"><style>{STYLE}</style>'
+        f'<text class="h" x="{LEFT}" y="20">{html.escape(plot.title)}</text>'
+        f'<g transform="translate(0,{TITLE})">{drawn}</g></svg>'
+    )
 
 
 def described(plot: XyPlot) -> str:
