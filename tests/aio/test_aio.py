@@ -22,6 +22,7 @@ from plumb.boards.native_port import FollowingUart, NativePort
 from plumb.link.transports.byte_stream import ObjectStream
 from plumb.link.transports.slcan_bus import PlumbBus
 from support.cut_cable import Cable
+from support.declared_systems import without_part
 
 NEUTRAL_HALFUS = 2000
 SILENT_HOST_US = 50_000
@@ -372,7 +373,7 @@ def test_arming_that_is_cancelled_under_way_leaves_it_disarmed() -> None:
 
 def test_arming_that_is_refused_holds_nothing() -> None:
     async def body() -> None:
-        async with plumb.aio.connect("native", system="phone") as board:
+        async with plumb.aio.connect("native", system=without_part("pins")) as board:
             with pytest.raises(plumb.UsageError, match="no sensors of its own"):
                 await board.arm()
             assert thread_of(board).holder is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import plumb
+from support.declared_systems import without_part
 
 
 @pytest.mark.parametrize("name", ["native", "virtual"])
@@ -54,7 +55,7 @@ def test_what_needs_a_link_or_a_plant_says_so() -> None:
     with pytest.raises(plumb.UsageError, match="a plant"):
         plumb.connect("fixed", system="quad")
     with (
-        plumb.connect("native", system="phone") as board,
+        plumb.connect("native", system=without_part("pins")) as board,
         pytest.raises(plumb.UsageError, match="no sensors of its own"),
     ):
         board.arm()

@@ -9,7 +9,7 @@ import pytest
 import plumb
 from plumb.api.connection import Board
 from plumb.errors import UsageError
-from plumb.spec import parameters
+from plumb.spec import declarations, parameters
 
 
 @pytest.fixture
@@ -97,7 +97,7 @@ def test_limits_of_the_integers_are_those_of_the_table(board: Board) -> None:
     assert board.params.describe("pid.slew").max == float("inf")
 
 
-@pytest.mark.parametrize("system", ["quad", "balancer", "turntable", "phone"])
+@pytest.mark.parametrize("system", declarations.names())
 def test_every_tuning_has_names_that_are_found(system: str) -> None:
     """Without a board: the names of each system's default tuning, and the words that hold them."""
     from plumb.tuning import quantities

@@ -14,6 +14,7 @@ from plumb.campaign import batch
 from plumb.campaign.study import Study, from_table
 from plumb.proof import runs, scenario_run
 from plumb.systems.compiled_plants import COMPILED
+from support.declared_systems import lacking
 
 CASES = [
     {"system": name, "scenario": scenario, "open_loop": open_loop, "seconds": 12}
@@ -62,7 +63,7 @@ def test_a_plant_in_c_is_in_the_core_and_is_used(system: str, monkeypatch: pytes
     assert len(batch.run_one(from_table({"system": system, "seconds": 2}).request(0)).words.record)
 
 
-@pytest.mark.parametrize("system", ["quad", "balancer", "phone"])
+@pytest.mark.parametrize("system", [*systems.with_part("plant"), *lacking("plant")[:1]])
 def test_figures_are_those_of_plumb_run(system: str) -> None:
     study = from_table({"system": system, "seconds": 4, "runs": 3, "reference": True})
     found = batch.run_batch(study, range(3))

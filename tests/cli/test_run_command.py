@@ -22,6 +22,7 @@ from plumb.proof import gain_changes, runs
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning import quantise
 from plumb.tuning.quantise import ControlParams
+from support.declared_systems import lacking
 
 METRICS = {
     "angle_rmse_deg",
@@ -218,7 +219,7 @@ def test_a_live_run_is_armed_on_its_own_sensors_and_verified(
     assert said["loop"] == ("open" if loop else "closed")
 
 
-@pytest.mark.parametrize(("system", "board"), [("quad", "native"), ("phone", "virtual")])
+@pytest.mark.parametrize(("system", "board"), [("quad", "native"), *((name, "virtual") for name in lacking("pins"))])
 def test_a_live_run_without_sensors_is_refused(system: str, board: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["run", system, "--board", board, "--live"]) == 2
     said = capsys.readouterr().err

@@ -17,6 +17,7 @@ from plumb.spec import armed_values, parameters
 from plumb.spec.parameter_file import warnings
 from plumb.systems import shipped_tunings
 from support import link_functions
+from support.declared_systems import without_output
 from support.native_board import NativeBoard, NewBoard
 from support.sessions import CONTROL, listen
 
@@ -81,7 +82,7 @@ def test_what_is_shipped_can_be_armed() -> None:
 
 
 def test_a_system_that_drives_nothing_has_no_unsafe_parameter() -> None:
-    assert unsafe_name({**shipped_tunings.table_of("phone", None), "rail_ms": 0}) == ""
+    assert unsafe_name({**shipped_tunings.table_of(without_output(), None), "rail_ms": 0}) == ""
 
 
 def test_every_parameter_says_what_it_can_weaken() -> None:

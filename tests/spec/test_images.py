@@ -11,6 +11,9 @@ from plumb.errors import UsageError
 from plumb.spec import declarations, images
 
 TOYS = Path(__file__).resolve().parents[1] / "toy_systems"
+FIRST, VEHICLES = declarations.names()[0], images.images()["vehicles"].systems
+LEFT_OUT = [name for name in declarations.names() if name not in VEHICLES][-1]
+"""A system of none of the sets but `all`."""
 C8_FLASH, C8_RAM = 60 * 1024, 20 * 1024
 """Flash below the parameters of an STM32F103C8, and its RAM."""
 
@@ -62,11 +65,11 @@ def test_a_system_lists_the_sets_that_it_is_in(tmp_path: Path, monkeypatch: pyte
 def test_a_build_asks_by_the_name_of_an_image_or_by_names_of_systems() -> None:
     found = images.images()
     assert images.asked([]) == images.asked(["all"]) == found["all"]
-    assert images.asked(["phone"]) == found["phone"]
+    assert images.asked([LEFT_OUT]) == found[LEFT_OUT]
     assert images.asked([*reversed(found["vehicles"].systems)]) == found["vehicles"] == images.asked(["vehicles"])
-    other = images.asked(["phone", "quad"])
-    assert other == images.Image("", ("quad", "phone"), found["all"].flash_bytes, found["all"].ram_bytes)
-    for wrong in (["nothing"], ["quad", "vehicles"]):
+    other = images.asked([LEFT_OUT, FIRST])
+    assert other == images.Image("", (FIRST, LEFT_OUT), found["all"].flash_bytes, found["all"].ram_bytes)
+    for wrong in (["nothing"], [FIRST, "vehicles"]):
         with pytest.raises(UsageError, match=f"there is no (image|system) '{wrong[-1]}'"):
             images.asked(wrong)
 
@@ -74,10 +77,10 @@ def test_a_build_asks_by_the_name_of_an_image_or_by_names_of_systems() -> None:
 @pytest.mark.parametrize(
     ("wanted", "present", "flashed"),
     [
-        ("attitude", ("quad",), "vehicles"),
-        ("attitude", ("balancer", "quad"), "vehicles"),
-        ("phone", ("quad",), "all"),
-        ("phone", (), "phone"),
+        (VEHICLES[-1], VEHICLES[:1], "vehicles"),
+        (VEHICLES[-1], VEHICLES[:-1], "vehicles"),
+        (LEFT_OUT, (FIRST,), "all"),
+        (LEFT_OUT, (), LEFT_OUT),
     ],
 )
 def test_the_image_to_flash_keeps_the_systems_of_the_board(wanted: str, present: tuple[str, ...], flashed: str) -> None:
