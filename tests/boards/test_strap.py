@@ -87,6 +87,10 @@ def test_no_pin_is_driven_that_the_strap_does_not_allow(slots: dict[str, bytes],
     assert watched.ever == uart | actuators
     assert machine.warnings == []
     assert all(machine.pwm(pin).enabled == (strap == table == "standard") for pin in ESC_PINS)
+    # The timers themselves: a pin that is no output would hide one that runs.
+    pulses = [machine.tim4.output(channel, machine.now).enabled for channel in range(2)]
+    assert pulses == [strap == table == "standard"] * 2
+    assert bool(machine.tim1.cr1 & 1) == (strap == table == "bridge")
 
 
 @pytest.mark.parametrize("strap", GROUNDED)

@@ -11,11 +11,12 @@ from plumb.errors import LinkError
 from plumb.link.sample_codec import samples_text
 from plumb.link.session import Session
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
+from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
 from support.native_board import AT_REST, BAUD_921600_NS, NativeBoard, NewBoard
 from support.noise import with_noise
-from support.sessions import CONTROL, armed_session
+from support.sessions import CONTROL, armed_session, listen
 from support.transcripts import frame, said
 
 SILENCE_US = 43_000
@@ -213,6 +214,21 @@ def test_what_disarms(new_board: NewBoard, cause: object) -> None:
     assert not board.armed
     board.turn()
     assert set(board.pulses) == {NEUTRAL}
+    session.close()
+
+
+def test_a_read_only_link_is_told_that_it_cannot_arm(new_board: NewBoard) -> None:
+    """No ARM comes through it, so what is blocked shows in STATUS alone."""
+    board = new_board()
+    session = Session(PlumbBus(board))
+    session.connect()
+    session.begin("REALTIME_LIVE")
+    closed = 1 << 4
+    for command, blocked in ((b"L\r", closed), (b"O\r", 0)):
+        board.say(command)
+        session.telemetry.clear()
+        listen(session, 0.3)
+        assert session.telemetry["STATUS"]["blocked"] & closed == blocked
     session.close()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
+from plumb.proof.faults import core
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import Scene
@@ -19,6 +20,8 @@ REPLAYED_S = 0.35
 LATE_S = 0.044
 """Age of an answer that must not count any more; its value was issued some milliseconds before."""
 LOOK_S = 0.002
+BOTH_ARRIVE_S = 0.003
+"""Two frames take 0.5 ms on either link; a loop that pauses for so long is no stall."""
 SETPOINT = 1 << 24
 """1.4 degrees, as a binary angle."""
 
@@ -60,6 +63,24 @@ def cable_off(scene: Scene) -> None:
 def closes_and_opens(scene: Scene) -> None:
     """Both lines arrive before the main loop reads the first."""
     scene.machine.uart.write(b"C\rO\r")
+
+
+def in_one_turn(scene: Scene, first: Frame) -> None:
+    """This frame and a HELLO of the right version both arrive before the main loop reads the first: what the first one
+    changed is undone before the loop polls it."""
+    session = scene.session
+    core.reach_the_loop(scene)
+    session.send([first, session.frame("HELLO", session.protocol.version, session.protocol.dbc_hash)])
+    core.pause_at(scene, scene.machine.cpu.pc, BOTH_ARRIVE_S)
+
+
+def closes_and_greets(scene: Scene) -> None:
+    """On CAN the HELLO opens the link."""
+    in_one_turn(scene, scene.session.frame("CLOSE", 0, 0))
+
+
+def other_version_and_back(scene: Scene) -> None:
+    in_one_turn(scene, scene.session.frame("HELLO", 99, 0))
 
 
 def disarms(scene: Scene) -> None:
@@ -157,10 +178,15 @@ FAULTS = (
     Fault("link-closed-on-can", "host", "the host sends CLOSE", closes, "closed", (Told(*CAUSE, CLOSED),), link="can"),
     Fault("link-closed-and-opened", "host", "the host says C and O in one burst", closes_and_opens, "command",
           (Told(*CAUSE, CLOSED),)),
+    Fault("link-closed-and-greeted-on-can", "host", "the host sends CLOSE and HELLO in one turn", closes_and_greets,
+          "command", (Told(*CAUSE, CLOSED),), link="can"),
     Fault("host-disarms", "host", "DISARM", disarms, "command", (Told(*CAUSE, COMMAND),)),
     Fault("host-ends-run", "host", "RUN_END", ends_run, "command", (Told(*CAUSE, COMMAND),)),
     Fault("host-of-another-version", "host", "HELLO of another protocol version over the link that armed",
           other_version, "command", (Told(*CAUSE, 1),)),
+    Fault("host-of-another-version-and-back", "host",
+          "HELLO of another protocol version, and one of this, over the link that armed in one turn",
+          other_version_and_back, "command", (Told(*CAUSE, 1),), link="can"),
     Fault("setpoints-cease", "host", "no SETPOINT comes any more, keep-alives do: the setpoint becomes 0",
           setpoints_cease, "setpoint", (Told("SETPOINT_USED", "timed_out", 1),), prepare=steered, moves_on=True),
     Fault("keepalive-repeated", "host", "the host hangs, its last KEEPALIVE is sent every 15 ms", replay(1), "silence",

@@ -23,7 +23,8 @@ BY_COMMAND = Told("EVENTS", "disarm_cause", COMMAND)
 
 
 def unchecked(scene: Scene) -> None:
-    """Guarded memory is found intact, whatever is in it."""
+    """Guarded memory is found intact, whatever is in it. While the loop sleeps, as a check that has begun goes on."""
+    core.reach_sleep(scene)
     core.replace_function(scene, "board_memory_intact", core.RETURN_TRUE)
 
 
