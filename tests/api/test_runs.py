@@ -11,6 +11,7 @@ import pytest
 
 import plumb
 from plumb import __main__ as front
+from plumb import systems
 from plumb.proof import golden
 
 
@@ -90,7 +91,7 @@ def rocking(path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("system", ["quad", "phone"])
+@pytest.mark.parametrize("system", systems.with_part("replay"))
 def test_a_replay_has_the_figures_of_the_command(
     system: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

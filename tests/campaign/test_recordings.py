@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import plumb
+from plumb import systems
 from plumb.__main__ import main
 from plumb.analyses.comparison.contenders import contenders
 from plumb.analyses.comparison.samples import motion_of
@@ -47,7 +48,7 @@ def results(table: dict[str, object]) -> Results:
     return Results(campaign.run(from_table(table), Where(workers=1)))
 
 
-@pytest.mark.parametrize("system", ["attitude", "phone", "quad"])
+@pytest.mark.parametrize("system", systems.with_part("replay"))
 def test_a_run_on_a_recording_has_the_figures_of_replay(
     system: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -64,7 +65,7 @@ def test_a_run_on_a_recording_has_the_figures_of_replay(
         assert found.metrics["angle_max_deg"][index] == alone["metrics"]["angle_max_deg"]
 
 
-@pytest.mark.parametrize("system", ["attitude", "phone"])
+@pytest.mark.parametrize("system", systems.with_part("compare"))
 @pytest.mark.parametrize("grade", ["recorded", "mpu6050-whole", "missing-10", "lost-2"])
 def test_a_grade_gives_the_error_of_compare(system: str, grade: str, folder: Path) -> None:
     table = {

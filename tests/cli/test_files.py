@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
+from plumb import systems
 from plumb.boards.flash_file import SLOTS_BYTES, read_slots
 from plumb.errors import UsageError
 from plumb.files import input_files, whole_files
@@ -108,8 +109,10 @@ def test_what_is_no_file_is_refused_unopened(kind: str, tmp_path: Path) -> None:
 
 
 READERS: dict[str, list[str]] = {
-    "replay": ["replay", "FILE", "--board", "native"],
-    "replay a phone's": ["replay", "FILE", "--system", "phone", "--board", "native"],
+    **{
+        f"replay by {name}": ["replay", "FILE", "--system", name, "--board", "native"]
+        for name in systems.with_part("replay")
+    },
     "compare": ["compare", "FILE"],
     "params": ["params", "load", "FILE", "--board", "virtual"],
     "image": ["run", "quad", "--board", "virtual", "--image", "FILE", "--seconds", "1"],

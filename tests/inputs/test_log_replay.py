@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from plumb import __main__ as front
+from plumb import systems
 from plumb.boards import open_board
 from plumb.boards.contract import Board, RawCounts, Setpoints
 from plumb.boards.in_process import InProcessParts
@@ -26,6 +27,9 @@ from plumb.link.paced import PacedRun
 from plumb.proof.runs import judge
 from plumb.spec.protocol import protocol
 from support.recordings import GAINS, recorded_run, rewritten, with_frames, with_json
+
+ANOTHER = systems.with_part("replay")[-1]
+"""A system that replays recordings, and that the logs are not of."""
 
 STEER = 1 << 28
 
@@ -399,7 +403,7 @@ def test_a_bus_on_which_a_host_committed_a_table_needs_no_other_parameters(whole
 
 def test_a_csv_of_a_log_points_to_the_log(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["export", str(whole), str(tmp_path / "run.csv")]) == 0
-    for system in ("quad", "phone"):
+    for system in systems.with_part("replay"):
         assert front.main(["replay", str(tmp_path / "run.csv"), "--system", system, "--board", "native"]) == 2
         assert "run.csv was exported from a log of a board: replay the log itself" in capsys.readouterr().err
 
@@ -451,7 +455,7 @@ def test_the_first_seconds_are_enough_when_they_are_asked_for(whole: Path, capsy
         (["--axis", "y"], "--axis is for recordings in units"),
         (["--period-us", "5000"], "--period-us is for recordings in units"),
         (["--decimate", "3"], "--decimate is for recordings in units"),
-        (["--system", "phone"], "whole.plog is of quad, not of phone"),
+        (["--system", ANOTHER], f"whole.plog is of quad, not of {ANOTHER}"),
         (["--seconds", "0.001"], "less than one period"),
     ],
 )
