@@ -183,3 +183,19 @@ def test_runs_is_an_iterator_and_a_table() -> None:
     assert table["digest"][2] == batch.digest_of(alone.words)
     assert table["angle_rmse_deg"][2] == pytest.approx(alone.metrics["angle_rmse_deg"])
     assert runs.figures["angle_rmse_deg"]["mean"] == pytest.approx(table["angle_rmse_deg"].mean())
+
+
+def peak_kib(runs: int) -> int:
+    """Most memory that a campaign of so many runs takes in a process of its own."""
+    words = ["campaign", "quad", "--runs", str(runs), "--seconds", "2", "--open-loop", "--workers", "1", "--json"]
+    code = (
+        "import resource; from plumb.__main__ import main; "
+        f"assert main({words!r}) == 0; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return int(ran.stdout.splitlines()[-1])
+
+
+def test_memory_does_not_grow_with_the_number_of_runs() -> None:
+    # The record of a run has 100 steps of more than 100 bytes: 1400 runs that were kept would be 14 MiB and more.
+    assert peak_kib(1500) - peak_kib(100) < 6 * 1024

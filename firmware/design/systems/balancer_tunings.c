@@ -20,7 +20,7 @@
 #define START_1 \
     {.tilt_deg = 0.0, .bias_dps = 0.0, .p00_deg2 = 1.0, .p01_deg2_per_s = 0.0, .p11_dps2 = 9.0}
 #define PID_1 \
-    {.kp_per_deg = 0.08, .ki_per_deg_s = 0.2, .kd_per_dps = 0.008, .derivative_tau_s = 0.0, \
+    {.kp_per_deg = 0.08, .ki_per_deg_s = 0.2, .kd_per_dps = 0.0072, .derivative_tau_s = 0.0, \
      .slew_per_s = 1000.0}
 #define WHEEL_1 \
     {.edge_m = 0.0037399912542735634, .edges_max = 0, .tau_s = 0.2, .accel_share = 1.0}

@@ -78,7 +78,7 @@ ASSUMED = (
 
 OPEN_RMS_DEG = {"rough": 0.48, "smooth": 0.40}
 CLOSED_RMS_DEG = {"rough": 0.55, "smooth": 0.48, "endure": 0.55}
-LEAST_MARGINS = {"balance": LeastMargins(45.0, 5.0, 0.005), "speed": LeastMargins(45.0, 6.0, 0.5)}
+LEAST_MARGINS = {"balance": LeastMargins(45.0, 6.0, 0.005), "speed": LeastMargins(45.0, 6.0, 0.5)}
 """Nothing was asked of them. Phase: 45 deg. Gain of the balance loop: 5 dB, a factor of 1.78, for a full battery (8.4 V
 on one of 7.4 V), a motor of a quarter more torque and a body of a quarter less inertia, 1.77; these are assumed, as the
 vehicle is. Gain of the speed loop: the usual 6 dB. Delay: a command half a step late; for the speed, half a second."""

@@ -66,7 +66,7 @@ TUNED = BalancerTuning(
     kalman=Kalman(q_angle_deg2_per_s=1e-3, q_bias_dps2_per_s=1e-3),
     start=Start(p00_deg2=1.0, p11_dps2=9.0),
     speed=SpeedLoop(lean_deg_per_mps=5.0, lean_deg_per_m=0.5, lean_max_deg=8.0, speed_max_mps=1.0),
-    pid=Pid(kp_per_deg=0.08, ki_per_deg_s=0.2, kd_per_dps=0.008),
+    pid=Pid(kp_per_deg=0.08, ki_per_deg_s=0.2, kd_per_dps=0.0072),
     drive=Drive(),
 )
 """R is the variance of 0.1 g vibration in deg^2, Q of the angle that of the gyro noise; Q of the bias is fitted on
