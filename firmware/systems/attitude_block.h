@@ -195,7 +195,7 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     plumb_attitude_words_t *const w = &c->words;
     const int32_t dt = (int32_t)p->dt_s_q33;
     const int32_t gains[2] = {gained(c->force_sum_q18[0], dt), gained(c->force_sum_q18[1], dt)};
-    bool moved = c->moved;
+    bool moved = c->moved || c->airborne; /* nothing in the air rests, however still it hangs */
 
     for (unsigned i = 0; i < 3U; i++) {
         moved |= abs_u32(sub_wrap(c->force_sum_q18[i], c->force_before_q18[i])) > (uint32_t)p->rest_accel ||

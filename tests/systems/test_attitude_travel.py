@@ -138,16 +138,18 @@ def test_the_drag_of_the_rotors_holds_the_vertical_of_a_pitched_flight() -> None
     assert error_deg(flown(raw, thrust, 0.3), up)[begun:].max() < 4.0, "told half as much again"
 
 
-def test_wind_that_lasts_makes_the_stated_tilt_as_large_as_the_error_may_become() -> None:
-    """The drag of 5 m/s of wind from one step to the next, in a hover that does not give way to it."""
+def test_a_gust_makes_the_stated_tilt_as_large_as_the_error_that_it_brings() -> None:
+    """5 m/s of wind from one step to the next, and a level hover that gives way to it."""
     raw, up, thrust = flight(0.0, 0.2, 30.0)
     gust = steps(REST_S + 12.0)
-    raw[gust:, 3] += np.int16(round(0.2 * 5.0 / G_MPS2 / UNIT_G))
+    since_s = np.arange(len(raw) - gust) * PERIOD_S
+    raw[gust:, 3] += np.rint(0.2 * 5.0 * np.exp(-0.2 * since_s) / G_MPS2 / UNIT_G).astype(np.int16)
     words = flown(raw, thrust, 0.2)
     sigma, error = sigma_deg(words), error_deg(words, up)
-    assert sigma[gust - 1] < 0.5
-    assert (sigma[gust + steps(2.0) :] > 3.0).all()
-    assert 1.0 < error[gust:].max() < 6.0 and (error[gust:] < sigma[gust:]).all()
+    assert sigma[gust - 1] < 1.0
+    grows = slice(gust, gust + steps(4.0))
+    assert 3.0 < error[grows].max() < 4.0 and (error[grows] < sigma[grows]).all()
+    assert np.mean(sigma[gust:] ** 2) > np.mean(error[gust:] ** 2) and error[-1] < 0.5
 
 
 def test_without_thrust_the_ground_that_carries_the_vehicle_ends_the_flight() -> None:
@@ -160,3 +162,14 @@ def test_without_thrust_the_ground_that_carries_the_vehicle_ends_the_flight() ->
     falls[landed:, 3:] = 0
     falling = slice(landed + steps(0.3), landed + steps(2.0))
     assert flagged(flown(falls, thrust, 0.2), "AIRBORNE")[falling].all(), "nothing carries a fall"
+
+
+def test_a_hover_as_still_as_a_stand_is_no_rest() -> None:
+    """It yaws slowly and steadily: what rests takes such a rate for the gyro's bias."""
+    raw, _, thrust = flight(0.0, 0.2, 20.0)
+    begun = steps(REST_S + 2.0)
+    raw[begun:, 2] = round(0.5 / UNIT_DPS)
+    in_the_air, on_the_ground = flown(raw, thrust, 0.2), flown(raw, 0.0 * thrust, 0.2)
+    assert flagged(on_the_ground, "REST")[-1] and not flagged(in_the_air, "REST")[begun:].any()
+    bias_dps = [float(words["bias_turnps_q32_2"][-1]) * 360.0 / 2.0**32 for words in (in_the_air, on_the_ground)]
+    assert abs(bias_dps[0]) < 0.05 and bias_dps[1] > 0.4

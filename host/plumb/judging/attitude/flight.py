@@ -17,7 +17,7 @@ from plumb.systems.attitude import scenarios
 from plumb.systems.attitude.tuning import Aid
 from plumb.tuning.quantise import quantise
 
-TUNING_NAME = scenarios.DEFAULT_TUNING
+TUNING_NAME = "vehicle"
 FULL_Q15 = 32767
 """The setpoint that tells the step of full thrust."""
 RESTARTED = "RESTARTED"

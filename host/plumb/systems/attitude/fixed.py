@@ -169,7 +169,7 @@ def close_block(c: ControlState, p: Params) -> None:
         c.half_mean[i] = mul(c.half_sum[i], p["attitude.inverse_block_q32"])
     c.force_before = list(c.force_sum)
     blocks = p["attitude.rest_blocks"]
-    c.still_blocks = select(c.moved != 0, 0, clamp(c.still_blocks + 1, 0, blocks))
+    c.still_blocks = select((c.moved | c.airborne) != 0, 0, clamp(c.still_blocks + 1, 0, blocks))
     before, c.block_flags = c.block_flags, select(c.still_blocks == blocks, REST, 0)
     aligning = c.aligned_blocks < ALIGN_BLOCKS
     in_runs(c, p, aligning, align_block)

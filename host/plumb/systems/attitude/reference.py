@@ -195,7 +195,7 @@ class Model:
         """The last step of a block: what it has gained, how the errors have grown in it, whether it rests."""
         rest, steps, sums = self.tuning.rest, self.steps, x.sums
         x.mean_radps = 2.0 * sums.half / self.block_s
-        moved = sums.moved or bool((np.abs(sums.force - x.force_before) > rest.accel_g * steps).any())
+        moved = sums.moved or x.airborne or bool((np.abs(sums.force - x.force_before) > rest.accel_g * steps).any())
         moved = moved or bool((np.abs(x.mean_radps) > DEG * rest.turn_dps).any())
         x.force_before, x.half_mean = sums.force, sums.half / steps
         x.still_blocks = 0 if moved else min(x.still_blocks + 1, self.rest_blocks)

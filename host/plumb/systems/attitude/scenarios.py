@@ -24,7 +24,7 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
 from plumb.systems.attitude import motion
 from plumb.systems.attitude.quantise import PERIODS_US
-from plumb.systems.attitude.tuning import AttitudeTuning, Gyro
+from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Gyro
 from plumb.systems.prescribed import Playback, Steps, put_faults
 from plumb.systems.run_length import length_s
 from plumb.tuning.channels import NO_SAMPLE
@@ -102,8 +102,12 @@ MOVES = {"static": "still", "fast": "fast", "centrifuge": "centrifuge", "fall": 
 """Scenario -> its motion; of all others `hand`."""
 
 DEFAULT = AttitudeTuning(period_us=PERIOD_US, gyro=STANDARD.gyro, accel=STANDARD.accel)
+VEHICLE_DRAG_PER_S, VEHICLE_WALK_DPS = 0.28, 0.03
+"""Of the tuning `vehicle`: the drag told of a hummingbird (`plumb.physics.airframe`); and the walk of a gyro that warms up
+in flight, by 0.5 deg/s with a time constant of 30 s: in 3 s such a walk strays as far as that warming."""
 TUNINGS = {
     "standard": DEFAULT,
+    "vehicle": replace(DEFAULT, errors=Gyro(bias_walk_dps=VEHICLE_WALK_DPS), aid=Aid(drag_per_s=VEHICLE_DRAG_PER_S)),
     TWO_CHIPS: replace(
         DEFAULT,
         gyro=SENSORS[TWO_CHIPS].gyro,
@@ -114,6 +118,7 @@ TUNINGS = {
 }
 TUNING_NOTES = {
     "standard": "16 bits at +-2000 deg/s and +-16 g; the one for every recording",
+    "vehicle": "the same with the drag of a quadrotor's rotors as an aid, for a gyro that warms up in flight",
     TWO_CHIPS: "ADXL345 at 256 counts per g, ITG-3205 at 14.375 counts per deg/s",
     ONE_CHIP: "MPU-6050 at 16.4 counts per deg/s and 2048 counts per g",
 }
