@@ -36,7 +36,7 @@ from plumb.proof import scenario_run, xy_plot
 from plumb.proof.report import ESTIMATE, SECOND
 from plumb.proof.xy_plot import Axis, Curve, XyPlot
 from plumb.spec.arrays import FloatArray
-from plumb.systems import load
+from plumb.systems import default_for, load, with_part
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, PICTURES = ROOT / "docs/explanation/choices.md", ROOT / "docs/images/choices"
@@ -45,8 +45,8 @@ FLAGS = re.search(r"plumb_core PRIVATE (-O2.*?)\)", (ROOT / "firmware/ports/stm3
 ANGLES, DIVISORS = 3000, 3000
 HZ = 72e6
 RUNS, STEPS = 40, 300
-AXIS, THREE_AXES = "quad", ("phone", "attitude")
-"""Systems whose estimators are shown: on one axis, and on three."""
+AXIS, THREE_AXES = default_for("demo"), with_part(COMPARE.name)
+"""Systems whose estimators are shown: on one axis, that of the demo; and on three, those that `plumb compare` has."""
 PERIODS_US = (5000, 10_000, 20_000, 40_000)
 
 

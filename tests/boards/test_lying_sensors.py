@@ -89,6 +89,10 @@ def test_gyro_and_accelerometer_swapped(analog: Bench) -> None:
     adc = analog.machine.adc
     adc["PA0"], adc["PA1"] = adc["PA1"], adc["PA0"]
     disarms(analog, capture, 4)
+    analog.session.end()
+    analog.session.telemetry.clear()
+    analog.run(analog.begin(), 0.3)
+    assert analog.session.telemetry["PLAUSIBILITY"]["disarmed_by"] == 0, "that was the run before"
 
 
 def garbage(_time_s: float, chance: random.Random = random.Random(3)) -> tuple[float, float, float]:  # noqa: B008

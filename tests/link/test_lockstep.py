@@ -207,6 +207,15 @@ def test_samples_without_a_run_are_refused(new_board: NewBoard) -> None:
         assert reasons == [10, 10]  # NO_RUN, for SETPOINT and for SAMPLE_A
 
 
+def test_samples_of_a_run_on_the_boards_own_sensors_are_refused(new_board: NewBoard) -> None:
+    board = new_board()
+    with Session.open(board) as session:
+        session.begin("REALTIME_LIVE")
+        sample = samples_text(protocol(), np.zeros((1, 3), np.int16), np.zeros(1))
+        refused = [words for name, words in said(board.say(sample.text)) if name == "NACK"]
+        assert [words["reason"] for words in refused if words["request"] == protocol()["SAMPLE_A"].identifier] == [10]
+
+
 @pytest.mark.parametrize(
     ("raw", "setpoint"),
     [(np.zeros((3, 2)), np.zeros(3)), (np.zeros((3, 3)), np.zeros(2)), (np.full((1, 3), 40000), [0])],

@@ -111,7 +111,7 @@ def sources() -> list[Path]:
         found += [path for path in sorted((ROOT / folder).rglob("*")) if path.suffix in suffixes]
     own = [folder for declared in declarations.systems().values() for folder in (declared.folder, declared.judging)]
     for name in declarations.names():
-        own += [*(ROOT / "firmware").rglob(f"{name}.[ch]"), *(ROOT / "firmware").rglob(f"{name}_tunings.[ch]")]
+        own += [*(ROOT / "firmware").rglob(f"{name}.[ch]"), *(ROOT / "firmware").rglob(f"{name}_*.[ch]")]
     # README, its picture, the page of the commands and the first header of the C library show a system as their example
     own += [ROOT / "tools" / f"gen_{what}.py" for what in ("readme", "screenshot", "commands")]
     own += [ROOT / "firmware/include/plumb/plumb.h"]

@@ -197,7 +197,12 @@ def _options_of(
 
 
 @_options_of(connection.connect)
-def connect(board: str, *, on_lost: Callable[[str], None] | None = None, **options: Any) -> Board:
+def connect(
+    board: str,
+    *,
+    on_lost: Callable[[str], None] | None = None,
+    **options: Any,  # Any: as `plumb.connect` says of each
+) -> Board:
     """A board for `async with`, which opens it. The arguments are those of `plumb.connect`; `on_lost` is called in the
     event loop.
 
