@@ -47,6 +47,8 @@ HZ = 72e6
 RUNS, STEPS = 40, 300
 AXIS, THREE_AXES = default_for("demo"), with_part(COMPARE.name)
 """Systems whose estimators are shown: on one axis, that of the demo; and on three, those that `plumb compare` has."""
+ROOM = 1.6
+"""Of the error's axis beyond the points, as a factor: room for their names."""
 PERIODS_US = (5000, 10_000, 20_000, 40_000)
 
 
@@ -215,12 +217,14 @@ def drawings(found: Sequence[Choice]) -> dict[str, str]:
         for shipped, colour in ((False, SECOND), (True, ESTIMATE)):
             part = [(a, one) for a, one in zip(x, own, strict=True) if one.shipped is shipped]
             label = "shipped" if shipped else "alternatives"
-            at, errors = np.array([a for a, _ in part]), np.array([one.error for _, one in part])
+            at, y = np.array([a for a, _ in part]), np.array([one.error for _, one in part])
             names = [f"{one.name} (shipped)" if shipped else one.name for _, one in part]
-            curves += [Curve(label, at, errors, colour, points=True, names=names)] if part else []
+            curves += [Curve(label, at, y, colour, points=True, names=names)] if part else []
         spread = max(x) > 2.0 * min(x)
         across = Axis("share of 72 MHz (%)" if loaded else "cycles", log=loaded and spread, low=None if spread else 0.0)
-        plot = XyPlot(f"{group}: error against cycles", across, Axis(f"error ({own[0].unit})", log=True), curves)
+        errors = [one.error for one in own]
+        upwards = Axis(f"error ({own[0].unit})", log=True, low=min(errors) / ROOM, high=max(errors) * ROOM)
+        plot = XyPlot(f"{group}: error against cycles", across, upwards, curves)
         pictures[f"{group}.svg"] = xy_plot.plot_svg(plot)
     return pictures
 
