@@ -1,4 +1,4 @@
-/* Limits, and sums that end at them, of which several parts of `attitude` have need. Included by attitude.c
+/* Limits that several parts of `attitude` share, and sums that saturate at them. Included by attitude.c
  * alone. */
 #ifndef PLUMB_SYSTEMS_ATTITUDE_LIMITS_H
 #define PLUMB_SYSTEMS_ATTITUDE_LIMITS_H
