@@ -3,6 +3,7 @@
 tools/generate.py                          firmware/generated/, firmware/include/ and messages.dbc, as committed
 tools/generate.py --check                  list the stale files; exit code 1
 tools/generate.py --out DIR [--systems A;B]    for a build: all C files, into DIR, for these systems or this image
+tools/generate.py --out DIR --flash [...]      for that of a flash image: it holds only the parameters that they read
 
 Committed is what C users need without Python, and what people read; the tables of link and board are made in the build.
 """
@@ -27,10 +28,12 @@ BUILT = {"messages.c", "messages.h", "params.c", "params.h", "record_names.h", "
 """Of firmware/generated: made in each build, and not committed."""
 
 
-def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
-    """Path below firmware/ -> text of the C files. built: the systems of the image, all by default."""
+def c_files(built: tuple[str, ...] = (), flash: bool = False) -> dict[str, str]:
+    """Path below firmware/ -> text of the C files. built: the systems of the image, all by default. flash: it holds
+    only the parameters that they read."""
     first = min(declarations.system(name).number for name in built or declarations.names())
-    files = {**gen_systems.generate(built), **gen_params.generate(first), **gen_messages.generate()}
+    groups = images.held_groups(built if flash and built else declarations.names())
+    files = {**gen_systems.generate(built, groups), **gen_params.generate(first, groups), **gen_messages.generate()}
     return {name if "/" in name else f"generated/{name}": text for name, text in files.items()}
 
 
@@ -58,11 +61,12 @@ def main() -> int:
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--out", type=Path)
     parser.add_argument("--systems", default="", help="names, separated by ;, or the name of an image")
+    parser.add_argument("--flash", action="store_true", help="of a flash image, which holds only what they read")
     arguments = parser.parse_args()
     try:
         if arguments.out:
             built = images.asked([name for name in arguments.systems.split(";") if name]).systems
-            write({arguments.out / name: text for name, text in c_files(built).items()})
+            write({arguments.out / name: text for name, text in c_files(built, arguments.flash).items()})
             return 0
         if any(not system.shipped for system in declarations.systems().values()):
             raise UsageError(f"{declarations.SEARCH_PATH} is set: what is committed is of the systems of this package")

@@ -12,7 +12,7 @@
 #define CRC        2U
 #define COUNT_MAX  ((BOARD_STORE_HALFWORDS - ENTRIES - CRC - 1U) / ENTRY)
 
-typedef char the_table_fits_a_slot[PARAMS_COUNT <= COUNT_MAX ? 1 : -1];
+typedef char the_table_fits_a_slot[PARAMS_HELD <= COUNT_MAX ? 1 : -1];
 
 #define NO_SLOT BOARD_STORE_SLOTS
 
@@ -69,11 +69,12 @@ bool store_accepts(const params_t *params) {
            BOARD_SCAN_US << params->adc_oversample_log2 <= params->period_us;
 }
 
-/* Copies every known value of a complete slot into *params; false when one is outside its range. */
+/* Copies every value of a complete slot that this image holds into *params; false when one is outside its
+ * range. */
 static bool read_values(const uint16_t *slot, params_t *params, store_report_t *report) {
     bool good = true;
 
-    report->missing = PARAMS_COUNT;
+    report->missing = PARAMS_HELD;
     for (size_t at = ENTRIES; at < crc_place(slot); at += ENTRY) {
         const uint16_t index = params_find(slot[at]);
         const uint32_t value = word_at(slot, at + 1U);
@@ -111,12 +112,12 @@ store_report_t store_load(params_t *params) {
 
 /* True when the entries of a slot equal *params. */
 static bool holds(const uint16_t *slot, const params_t *params) {
-    bool same = slot[4] == PARAMS_COUNT;
+    bool same = slot[4] == PARAMS_HELD;
 
-    for (uint16_t i = 0; i < PARAMS_COUNT && same; i++) {
+    for (uint16_t i = 0; i < PARAMS_HELD && same; i++) {
         const size_t at = ENTRIES + ENTRY * (size_t)i;
 
-        same = slot[at] == params_id(i) && word_at(slot, at + 1U) == params_word(params, i);
+        same = slot[at] == params_id(i) && word_at(slot, at + 1U) == params_word(params, params_held(i));
     }
     return same;
 }
@@ -147,10 +148,10 @@ static bool write_slot(uint32_t slot, uint32_t sequence, const params_t *params)
     put(&w, MAGIC_LOW);
     put(&w, MAGIC_HIGH);
     put_word(&w, sequence);
-    put(&w, PARAMS_COUNT);
-    for (uint16_t i = 0; i < PARAMS_COUNT; i++) {
+    put(&w, PARAMS_HELD);
+    for (uint16_t i = 0; i < PARAMS_HELD; i++) {
         put(&w, params_id(i));
-        put_word(&w, params_word(params, i));
+        put_word(&w, params_word(params, params_held(i)));
     }
     put_word(&w, digest_crc32(found, 2U * w.at));
     put(&w, SEAL);

@@ -4,7 +4,8 @@
 # the image and the native core have. They are found as folders with a system.toml in host/plumb/systems and in the
 # folders of PLUMB_SYSTEM_PATH, a cache variable or the environment's. tools/generate.py writes what is generated into the
 # build folder; the C library alone, of the systems of this package, takes the committed files and needs no Python. Sets
-# GENERATED_INCLUDE, SYSTEM_SOURCES, SYSTEM_INCLUDES, SYSTEM_SOURCES_FOR_SIZE, IMAGE_FLASH_BYTES and IMAGE_RAM_BYTES.
+# GENERATED_INCLUDE, SYSTEM_NAMES, IMAGE_FLASH_BYTES and IMAGE_RAM_BYTES; and of these systems with those that they stand on
+# SYSTEM_SOURCES, SYSTEM_INCLUDES and SYSTEM_SOURCES_FOR_SIZE.
 set(PLUMB_SYSTEMS "" CACHE STRING "Systems to build, by name, or an image by name; empty: all there are")
 set(PLUMB_SYSTEM_PATH "$ENV{PLUMB_SYSTEM_PATH}" CACHE STRING "Folders that hold folders of further systems")
 
@@ -27,9 +28,13 @@ else()
     endforeach()
     set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${declarations})
     string(REPLACE ";" ":" path "${PLUMB_SYSTEM_PATH}")
+    # A flash image holds only the parameters that its systems read; everything else has the whole table.
+    if(CMAKE_SYSTEM_PROCESSOR STREQUAL "cortex-m3" AND NOT PLUMB_LIBRARY_ONLY)
+        set(for_flash --flash)
+    endif()
     # pip builds in a Python of its own and says so in PYTHONPATH: build-system.requires names what the generator needs.
     execute_process(COMMAND ${CMAKE_COMMAND} -E env PLUMB_SYSTEM_PATH=${path}
-                            ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tools/generate.py --out ${GENERATED_INCLUDE} "--systems=${PLUMB_SYSTEMS}"
+                            ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tools/generate.py --out ${GENERATED_INCLUDE} ${for_flash} "--systems=${PLUMB_SYSTEMS}"
                     RESULT_VARIABLE failed ERROR_VARIABLE why)
     if(failed)
         message(FATAL_ERROR "${why}")

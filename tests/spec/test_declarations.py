@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from plumb.errors import UsageError
-from plumb.spec import declarations
+from plumb.spec import declarations, images
 from plumb.spec.system import System
 
 ERROR = '{ name = "error_counts_q16", type'
@@ -79,6 +79,10 @@ def test_the_toy_is_accepted_as_it_is(tmp_path: Path) -> None:
         ('doc = "what is', 'calibration = "gyro", doc = "what is', "calibration = 'gyro': it is one of the groups"),
         ('doc = "what is', 'calibration = "toy", doc = "what is', "a calibration has the rows raw_min"),
         ("min = 1\nmax = 429496729", 'was = "old"\nmin = 1\nmax = 429496729', "was is a list of former names"),
+        ("groups = []", 'groups = []\nstands_on = "toy"', "stands_on is a list of names of systems, not 'toy'"),
+        ("groups = []", "groups = []\nstands_on = [7]", "stands_on is a list of names of systems, not [7]"),
+        ("groups = []", 'groups = []\nstands_on = ["toy"]', "stands_on: toy cannot stand on itself"),
+        ("groups = []", 'groups = []\nstands_on = ["nothing"]', "stands_on: there is no system 'nothing'; there are "),
     ],
 )
 def test_a_wrong_entry_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:
@@ -88,3 +92,53 @@ def test_a_wrong_entry_is_named(tmp_path: Path, old: str, new: str, said: str) -
         load(tmp_path, text.replace(old, new, 1))
     sentence = str(refused.value)
     assert said in sentence and str(tmp_path / "toy" / "system.toml") in sentence and "\n" not in sentence
+
+
+def on_each_other(folder: Path, **stands_on: str) -> None:
+    """Copies of the toy, each with a name and a number of its own, and a group of that name; each stands on one, or on
+    none (""). Its period is the toy's."""
+    shutil.copytree(TOY.parents[1] / "judging", folder / "judging")
+    text = TOY.read_text(encoding="utf-8").replace("toy.", "NAME.").partition("[commands]")[0]
+    for number, (name, base) in enumerate(stands_on.items(), 15):
+        own = text.replace("NAME", name).replace("number = 17", f"number = {number}")
+        if base:
+            own = own.replace("groups = []", f'groups = []\nstands_on = ["{base}"]')
+            own = own.replace(f'period = "{name}.', f'period = "{base}.')
+        (folder / name).mkdir()
+        (folder / name / "system.toml").write_text(own, encoding="utf-8")
+
+
+def test_a_system_has_the_groups_of_what_it_stands_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_each_other(tmp_path, low="", middle="low", high="middle")
+    monkeypatch.setenv(declarations.SEARCH_PATH, str(tmp_path))
+    high = declarations.system("high")
+    assert (high.stands_on, high.all_groups) == (("middle",), ("low", "middle", "high"))
+    assert declarations.system("low").all_groups == ("low",)
+    assert [one.name for one in declarations.with_bases(["high"])] == ["low", "middle", "high"]
+    held = images.held_groups(["high"])
+    assert {"low", "middle", "high"} < held and "low" in images.held_groups(["low"])
+    assert "high" not in images.held_groups(["low"]) and images.image("high").systems == ("high",)
+
+
+def test_systems_that_stand_on_each_other_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_each_other(tmp_path, one="two", two="one")
+    monkeypatch.setenv(declarations.SEARCH_PATH, str(tmp_path))
+    with pytest.raises(UsageError, match=r"one.system\.toml: .*two.system\.toml: stands_on: one stands on two already"):
+        declarations.load_system(tmp_path / "one")
+
+
+def test_a_group_of_what_a_system_stands_on_is_not_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_each_other(tmp_path, low="", high="low")
+    monkeypatch.setenv(declarations.SEARCH_PATH, str(tmp_path))
+    declared = tmp_path / "high" / "system.toml"
+    declared.write_text(declared.read_text(encoding="utf-8").replace("high.share", "low.part"), encoding="utf-8")
+    with pytest.raises(UsageError, match=r"parameter low\.part_q16: low, on which it stands, has this group$"):
+        declarations.load_system(tmp_path / "high")
+
+
+def test_a_system_that_something_stands_on_cannot_go_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_each_other(tmp_path, low="", high="low")
+    monkeypatch.setenv(declarations.SEARCH_PATH, str(tmp_path))
+    shutil.rmtree(tmp_path / "low")
+    with pytest.raises(UsageError, match=r"high.system\.toml: stands_on: there is no system 'low'"):
+        declarations.systems()

@@ -83,6 +83,63 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
     return Plumb(python, core, image, {"PLUMB_SYSTEM_PATH": str(TOYS)})
 
 
+TOWER = """
+#include "tower.h"
+
+void plumb_tower_init(plumb_tower_t *c, const plumb_params_t *p) {
+    *c = (plumb_tower_t){0};
+    plumb_toy_init(&c->toy, p);
+}
+
+void plumb_tower_step(plumb_tower_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX], int32_t setpoint) {
+    plumb_toy_step(&c->toy, p, raw, setpoint);
+    c->words.filtered_counts_q16 = c->toy.words.filtered_counts_q16 + p->tower.height_q16;
+    c->words.step++;
+}
+
+bool plumb_tower_params_valid(const plumb_params_t *p) {
+    return plumb_toy_params_valid(p);
+}
+"""
+TOWER_H = """
+#ifndef TOWER_H
+#define TOWER_H
+
+#include "toy.h"
+
+typedef struct {
+    plumb_tower_words_t words;
+    plumb_toy_t toy;
+} plumb_tower_t;
+
+void plumb_tower_init(plumb_tower_t *c, const plumb_params_t *p);
+bool plumb_tower_params_valid(const plumb_params_t *p);
+void plumb_tower_step(plumb_tower_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX], int32_t setpoint);
+
+#endif
+"""
+
+
+@pytest.fixture(scope="module")
+def tower(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
+    """An image and a core of a system alone whose step calls that of the toy."""
+    systems = tmp_path_factory.mktemp("systems")
+    shutil.copytree(TOYS, systems, dirs_exist_ok=True)
+    declared = (TOYS / "toy" / "system.toml").read_text(encoding="utf-8")
+    stands_on = 'groups = []\nstands_on = ["toy"]'
+    declared = declared.replace("number = 17", "number = 16").replace("groups = []", stands_on)
+    before, _, last = declared.partition("[[parameter]]")
+    own = "[[parameter]]" + last.rpartition("[[parameter]]")[2].partition("[commands]")[0]
+    (systems / "tower").mkdir()
+    (systems / "tower" / "system.toml").write_text(before + own.replace("toy.share", "tower.height"), encoding="utf-8")
+    (systems / "tower" / "tower.c").write_text(TOWER, encoding="utf-8")
+    (systems / "tower" / "tower.h").write_text(TOWER_H, encoding="utf-8")
+    options = ("-DPLUMB_SYSTEMS=tower", f"-DPLUMB_SYSTEM_PATH={systems}")
+    python = Path(sys.executable)
+    core, image = build(ROOT, tmp_path_factory.mktemp("tower"), python, *options)
+    return Plumb(python, core, image, {"PLUMB_SYSTEM_PATH": str(systems)})
+
+
 @pytest.fixture(scope="module")
 def without_quad(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
     """A copy of the sources from which `quad` was deleted, with a Python that knows this copy alone."""
@@ -296,3 +353,33 @@ def test_the_rest_builds_and_runs_without_a_shipped_system(without_quad: Plumb) 
     assert "there is no system 'quad'" in without_quad("run", "quad", "--board", "native", code=2).stderr
     assert "there is no command 'bandwidth'" in without_quad("bandwidth", "2.5", code=2).stderr
     assert "no system here has a demo" in without_quad("demo", code=2).stderr
+
+
+IN_THE_TOWER = """
+import sys
+from pathlib import Path
+from plumb.boards.virtual import VirtualBoard
+from plumb.errors import PlumbError
+from plumb.spec import parameters
+
+with VirtualBoard(Path(sys.argv[1])) as board:
+    session = board.session
+    print(*session.require_match().systems)
+    words = dict(zip((row.name for row in parameters.table()), session.read_parameters()))
+    before = list(words.values())
+    for name, value in (("toy.share_q16", 65536), ("tower.height_q16", 5), ("pid.kp_q22", 7)):
+        words[name] = value
+        try:
+            session.parameters.change(before, list(words.values()))
+            before = list(words.values())
+        except PlumbError as error:
+            print(error)
+            words = dict(zip(words, before))
+"""
+
+
+def test_an_image_holds_what_its_system_stands_on(tower: Plumb) -> None:
+    """Step and parameters of the other system, which is not one of the image's."""
+    said = tower.run(tower.python, "-c", IN_THE_TOWER, tower.image).stdout.splitlines()
+    assert said[0] == "tower" and len(said) == 2
+    assert "the board's image has only tower, and does not hold the parameters of pid: " in said[1]

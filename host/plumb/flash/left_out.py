@@ -10,12 +10,15 @@ ENTRIES = ("init", "step", "params_valid", "plausibility", "retune")
 
 
 def systems_in(graph: CallGraph) -> list[str]:
-    """The systems that the image holds, by the symbols of their steps."""
+    """The systems whose steps the image holds, by their symbols: its own, and those that they stand on."""
     return [name for name in declarations.names() if f"plumb_{name}_step" in graph.elf.symbols]
 
 
 def saved_bytes(graph: CallGraph, system: str) -> int:
-    """Flash of the functions that only this system reaches. Constants and initial values come on top."""
+    """Flash of the functions that only this system reaches; 0 where another system of the image stands on it. Constants
+    and initial values come on top."""
+    if any(system in declarations.system(name).stands_on for name in systems_in(graph)):
+        return 0
     entries = {f"plumb_{system}_{entry}" for entry in ENTRIES}
     closed = {at for at, function in graph.functions.items() if function.name in entries}
     handlers = graph.elf.vectors()
@@ -25,9 +28,8 @@ def saved_bytes(graph: CallGraph, system: str) -> int:
 
 def advice(graph: CallGraph) -> str:
     """What to leave out of an image that is over its limits, as the end of a sentence."""
-    systems = systems_in(graph)
-    if len(systems) < 2:
+    saved = sorted(((saved_bytes(graph, name), name) for name in systems_in(graph)), reverse=True)
+    each = [f"{name} ({size} bytes of code)" for size, name in saved if size]
+    if len(each) < 2:
         return f"tools/size_table.py {graph.elf.path.name} --functions says what takes them"
-    saved = sorted(((saved_bytes(graph, name), name) for name in systems), reverse=True)
-    each = ", ".join(f"{name} ({size} bytes of code)" for size, name in saved)
-    return f"leave out one of {each}: -DPLUMB_SYSTEMS=NAMES names those to keep"
+    return f"leave out one of {', '.join(each)}: -DPLUMB_SYSTEMS=NAMES names those to keep"

@@ -183,8 +183,8 @@ class NackError(LinkError):
         self.detail = detail
 
 
-def nack_error(mine: Protocol, said: dict[str, int]) -> NackError:
-    """The error for a NACK, from its words by name."""
+def nack_error(mine: Protocol, said: dict[str, int], identity: Identity | None = None) -> NackError:
+    """The error for a NACK, from its words by name. identity: of the board, where it is known."""
     request = mine.by_identifier.get(said["request"])
     reason = mine["NACK"].choice("reason", said["reason"])
     detail = said["detail"]
@@ -195,7 +195,10 @@ def nack_error(mine: Protocol, said: dict[str, int]) -> NackError:
         why = armed_values.reason(detail)
     elif reason in ("RANGE", "INDEX") and detail < len(parameters.table()):
         row = parameters.table()[detail]
+        absent = images.not_held(row.group, identity.systems) if identity else ""
         why = f"parameter {row.name} is outside {row.min} to {row.max}"
+        if absent:
+            why = f"{absent}; {row.name} stays at its factory value, {row.default}"
     else:
         why = _REASONS.get(reason, reason.lower().replace("_", " "))
     return NackError(reason, detail, f"the board refused {name}: {why}")

@@ -83,7 +83,7 @@ class ParameterTransfer:
                     self._session.protocol["PARAM_SET"].identifier,
                     self._session.protocol["PARAM_GET"].identifier,
                 ):
-                    raise nack_error(self._session.protocol, nack.decode(data))
+                    raise nack_error(self._session.protocol, nack.decode(data), self._session.identity)
 
     def upload(self, control_words: Sequence[int], **link_words: int) -> int:
         """Stage the whole table and commit it by its CRC-32. Returns the CRC. Ends a run in progress, armed or not, if

@@ -264,7 +264,7 @@ class Session:
                         if said["request"] != asked or said["request_counter"] != counter:
                             continue
                         if identifier == nack.identifier:
-                            raise nack_error(self.protocol, said)
+                            raise nack_error(self.protocol, said, self.identity)
                         if expected is ack and not (said["detail"] ^ words[1]) & echo:
                             return said
                     elif identifier == expected.identifier:

@@ -74,9 +74,15 @@ def _check_units(system: System) -> None:
             raise UsageError(f"{what}: unit '{unit:.40}' has '{part:.40}'; units are {' '.join(sorted(BASE_UNITS))}")
 
 
-def _check_groups(system: System, shared: Sequence[TomlTable]) -> None:
-    """Raises UsageError for an unknown shared group, and for a channel whose axis or calibration is wrong."""
-    rows = [*shared, *system.parameters]
+def _check_groups(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTable]) -> None:
+    """Raises UsageError for an unknown shared group, for an own group that a system below has, and for a channel whose
+    axis or calibration is wrong."""
+    rows = [*shared, *of_bases, *system.parameters]
+    for row in system.parameters:
+        if group_of(row["name"]) in system.base_groups:
+            raise UsageError(
+                f"parameter {row['name']}: {', '.join(system.stands_on)}, on which it stands, has this group"
+            )
     known = list(dict.fromkeys(group_of(row["name"]) for row in shared if row["owner"] == "control"))
     for group in system.groups:
         if group not in known:
@@ -210,15 +216,16 @@ def check_commands(commands: Sequence[Command]) -> None:
         raise UsageError(f"commands have at most {COMMAND_WORDS_MAX} words of 16 bits, not {words}")
 
 
-def check(system: System, shared: Sequence[TomlTable]) -> None:
-    """Raises UsageError with the first mistake of a declaration. shared: the rows of the shared parameter groups."""
+def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTable] = ()) -> None:
+    """Raises UsageError with the first mistake of a declaration. shared: the rows of the shared parameter groups;
+    of_bases: the own rows of the systems that it stands on."""
     if type(system.number) is not int or system.number not in NUMBERS:
         raise UsageError(f"number is an integer from 0 to {NUMBERS[-1]}, not {system.number!r:.40}")
     _check_names(system)
     _check_parameters(system)
     _check_folder(system)
     _check_units(system)
-    _check_groups(system, shared)
+    _check_groups(system, shared, of_bases)
     if system.output and len(system.output_words) < OUTPUTS[system.output]:
         raise UsageError(f"output {system.output} is driven by {OUTPUTS[system.output]} words: the record ends before")
     for row in system.parameters:

@@ -77,6 +77,16 @@ def systems() -> dict[str, System]:
     return _loaded(os.environ.get(SEARCH_PATH, ""))
 
 
+def with_bases(chosen: Iterable[str]) -> list[System]:
+    """These systems and all that they stand on, in the order of their numbers."""
+    wanted, left = set[str](), list(chosen)
+    while left:
+        name = left.pop()
+        wanted.add(name)
+        left += set(system(name).stands_on) - wanted
+    return [declared for name, declared in systems().items() if name in wanted]
+
+
 def names() -> tuple[str, ...]:
     """Names of all systems, in the order of their numbers."""
     return tuple(systems())
@@ -118,11 +128,12 @@ def image_limits() -> dict[str, tuple[int, int]]:
     return {name: (1024 * table["flash_kib"], 1024 * table["ram_kib"]) for name, table in tables.items()}
 
 
-def load_system(folder: Path) -> System:
-    """Read and check one declaration; raises UsageError with a sentence that names the file."""
+def load_system(folder: Path, above: tuple[str, ...] = ()) -> System:
+    """Read and check one declaration; raises UsageError with a sentence that names the file. above: the systems that
+    stand on it, the nearest last."""
     path = folder / "system.toml"
     try:
-        return _system(folder, tomllib.loads(path.read_text(encoding="utf-8")))
+        return _system(folder, tomllib.loads(path.read_text(encoding="utf-8")), above)
     except KeyError as error:
         raise UsageError(f"{path}: {error.args[0]} is missing") from None
     except OSError as error:
@@ -135,7 +146,22 @@ def load_system(folder: Path) -> System:
         raise UsageError(f"{path}: {error}") from None
 
 
-def _system(folder: Path, table: TomlTable) -> System:
+def _bases(given: object, above: tuple[str, ...]) -> list[System]:
+    """The systems that a declaration stands on. above: the systems that stand on it, then its own name."""
+    if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+        raise UsageError(f"stands_on is a list of names of systems, not {given!r:.40}")
+    places = {folder.name: folder for folder in folders()}
+    for name in given:
+        if name == above[-1]:
+            raise UsageError(f"stands_on: {name} cannot stand on itself")
+        if name in above:
+            raise UsageError(f"stands_on: {name} stands on {above[-1]} already")
+        if name not in places:
+            raise UsageError(f"stands_on: there is no system {name!r:.40}; there are {', '.join(sorted(places))}")
+    return [load_system(places[name], above) for name in given]
+
+
+def _system(folder: Path, table: TomlTable, above: tuple[str, ...]) -> System:
     if not re.fullmatch(r"[a-z][a-z0-9]*", folder.name):
         raise UsageError("the folder's name is that of the system: small letters and digits")
     setpoint = Word(type="int32", member=table["setpoint"]["name"], **table["setpoint"])
@@ -151,6 +177,7 @@ def _system(folder: Path, table: TomlTable) -> System:
     if not isinstance(table["groups"], list):
         raise UsageError(f"groups is a list of names, not {table['groups']!r:.40}")
     structs = dict(table.get("structs", {}))
+    bases = _bases(table.get("stands_on", []), (*above, folder.name))
     declared = System(
         name=folder.name,
         number=table["number"],
@@ -179,8 +206,10 @@ def _system(folder: Path, table: TomlTable) -> System:
         images=tuple(table.get("images", ())),
         step_commands=step_commands,
         command_source=table.get("command_source", "link"),
+        stands_on=tuple(base.name for base in bases),
+        base_groups=tuple(dict.fromkeys(group for base in bases for group in base.all_groups)),
     )
-    check(declared, shared()["parameter"])
+    check(declared, shared()["parameter"], [row for base in bases for row in base.parameters])
     check_images(declared, tuple(image_limits()))
     return declared
 

@@ -12,7 +12,10 @@ from dataclasses import dataclass
 from plumb.errors import UsageError
 from plumb.spec import declarations
 from plumb.spec.declaration_checks import UNLISTED_IMAGES
+from plumb.spec.system import group_of
 
+ALWAYS_HELD = ("esc",)
+"""Groups that every image holds: the outputs carry neutral pulses with every system."""
 ALONE, ALL = UNLISTED_IMAGES
 """Tables of images.toml: limits of the images of one system; name and limits of the image with every system."""
 
@@ -75,6 +78,30 @@ def asked(names: Sequence[str]) -> Image:
 def to_flash(wanted: str, present: Sequence[str]) -> Image:
     """The image to flash for a system that a board lacks: the smallest that keeps the systems which it has."""
     return next((one for one in holding([wanted]) if set(present) <= set(one.systems)), image(wanted))
+
+
+def held_groups(systems: Collection[str]) -> frozenset[str]:
+    """The parameter groups that an image of these systems holds: all but those that only other systems read. What it
+    does not hold is a constant there, at its factory value."""
+    declared = declarations.systems()
+    read = {name: {*system.all_groups, *ALWAYS_HELD} for name, system in declared.items()}
+    others = set().union(*read.values())
+    mine = set().union(*(read[name] for name in systems if name in read))
+    shared = {group_of(row["name"]) for row in declarations.shared()["parameter"]}
+    return frozenset(((shared - others) | mine) - {""})
+
+
+def not_held(group: str, present: Sequence[str]) -> str:
+    """That an image of the systems `present` does not hold a parameter group, and which image does, as the beginning of
+    a sentence; "" where it holds it, and for an image without a system that is known."""
+    if not group or not present or group in held_groups(present):
+        return ""
+    readers = [name for name, system in declarations.systems().items() if group in system.all_groups]
+    best = next(one for one in holding(present) if set(readers) & set(one.systems))
+    return (
+        f"the board's image has only {', '.join(present)}, and does not hold the parameters of {group}: "
+        f"plumb flash --image {best.name} holds them"
+    )
 
 
 def lacking(wanted: str, present: Sequence[str]) -> str:

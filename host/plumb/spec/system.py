@@ -159,7 +159,8 @@ class System:
     missing_samples: `held` (the last sample is used again) or
     `marked` (every count is -32768). output: "" without an actuator, else a key of OUTPUTS; output_words drive it.
     period: the parameter that holds the period of a step in s.
-    groups: shared parameter groups that the step reads; parameters: rows of the system's own groups; all_groups: both.
+    groups: shared parameter groups that the step reads; parameters: rows of the system's own groups.
+    stands_on: systems whose step this one calls; base_groups: the groups that those read. all_groups: all of these.
     conditions: what must hold of several words while the board is armed (`plumb.spec.armed_values`).
     structs: group -> C struct of the kernel that reads it; includes: headers of those structs.
     step_commands: inputs of a step that a host sets besides the setpoint; command_source: who may send them, and the
@@ -197,6 +198,8 @@ class System:
     images: tuple[str, ...]
     step_commands: tuple[Command, ...] = ()
     command_source: str = "link"
+    stands_on: tuple[str, ...] = ()
+    base_groups: tuple[str, ...] = ()
 
     @property
     def shipped(self) -> bool:
@@ -261,9 +264,9 @@ class System:
 
     @property
     def all_groups(self) -> tuple[str, ...]:
-        """The parameter groups that the step reads: shared groups, then the system's own."""
-        own = dict.fromkeys(group_of(row["name"]) for row in self.parameters)
-        return (*self.groups, *own)
+        """The parameter groups that the step reads: shared groups, those of what it stands on, then its own."""
+        own = (group_of(row["name"]) for row in self.parameters)
+        return tuple(dict.fromkeys((*self.groups, *self.base_groups, *own)))
 
     @property
     def record_bytes(self) -> int:
