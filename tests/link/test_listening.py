@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import pytest
 
 from plumb.boards import open_link_board
 from plumb.errors import LinkError
 from plumb.link import monitor
-from plumb.link.listening import LATEST, BoardWait, Listening
+from plumb.link.listening import LATEST, TIME_EVERY_S, BoardWait, Listening
 from plumb.link.monitor import EVERY_S, SILENCE_S, require_heard
+from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
 from plumb.link.session import Session
+from plumb.spec.protocol import Frame
 from support.hand_clock import Clock
 
 
@@ -90,6 +94,89 @@ def test_a_board_that_is_simulated_slowly_is_given_its_own_time(clock: Clock, sp
     assert listening.slowness == pytest.approx(slowness)
     listening.board_says(5)  # restarted
     assert listening.slowness == 1.0
+
+
+@pytest.mark.parametrize("slowness", [4.0, 15.0])
+def test_a_time_out_passes_in_the_boards_own_time_while_its_frames_come(clock: Clock, slowness: float) -> None:
+    """The board becomes slow when its link has long been open."""
+    listening, time_us = Listening(clock), 0
+    for _ in range(100):
+        listening.board_says(time_us)
+        read(listening, clock, TIME_EVERY_S, TIME_EVERY_S, brought=True)
+        time_us += 50_000
+    reply, begin_us, step_s = listening.timeout(REPLY_TIMEOUT_S), time_us, 0.01 * slowness
+    begin_s, next_s = clock(), clock() + step_s
+    while not reply.over:
+        wait_s = min(reply.left_s, next_s - clock())
+        brought = clock() + wait_s >= next_s - 1e-9
+        read(listening, clock, wait_s, wait_s, brought=brought)
+        if brought:  # a frame of a step, which come every 10 ms; of every fifth TIME, too
+            next_s, time_us = next_s + step_s, time_us + 10_000
+            if (time_us - begin_us) % 50_000 == 0:
+                listening.board_says(time_us)
+    assert (time_us - begin_us) * 1e-6 == pytest.approx(REPLY_TIMEOUT_S, abs=TIME_EVERY_S + 1e-9)
+    assert clock() - begin_s <= LATEST * REPLY_TIMEOUT_S
+
+
+def test_a_board_that_sends_nothing_is_waited_for_as_long_as_was_asked(clock: Clock) -> None:
+    listening = Listening(clock)
+    for time_us in range(0, 1_000_000, 50_000):
+        listening.board_says(time_us)
+        read(listening, clock, TIME_EVERY_S, TIME_EVERY_S, brought=True)
+    reply = listening.timeout(REPLY_TIMEOUT_S)
+    read(listening, clock, reply.left_s, reply.left_s, brought=False)
+    assert reply.over
+
+
+def test_a_board_whose_time_stands_still_is_not_waited_for_for_ever(clock: Clock) -> None:
+    listening = Listening(clock)
+    listening.board_says(0)
+    reply, begin_s = listening.timeout(REPLY_TIMEOUT_S), clock()
+    while not reply.over:
+        read(listening, clock, reply.left_s, 0.01, brought=True)
+    assert clock() - begin_s == pytest.approx(LATEST * REPLY_TIMEOUT_S, abs=0.02)
+
+
+def test_requests_of_a_board_that_is_simulated_slowly_are_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its clock goes at a tenth of this computer's, and its link takes 150 ms of the board's time."""
+    slowness, travel_s = 10.0, 0.15
+    with open_link_board("virtual") as board:
+        session = board.session
+        session.begin("REALTIME_LIVE")
+        board_clock, read_frames = session.clock, session.frames.read_frames
+        begin_s = board_clock()
+        session.clock = session.listening.clock = lambda: begin_s + slowness * (board_clock() - begin_s)
+        on_their_way: deque[tuple[float, Frame]] = deque()
+
+        def late(timeout_s: float = 0.0) -> list[Frame]:
+            for frame in read_frames(timeout_s / slowness):
+                on_their_way.append((board_clock() + travel_s, frame))
+            come: list[Frame] = []
+            while on_their_way and on_their_way[0][0] <= board_clock():
+                come.append(on_their_way.popleft()[1])
+            return come
+
+        monkeypatch.setattr(session.frames, "read_frames", late)
+        session.end()
+        session.begin("REALTIME_LIVE")
+        session.disarm()
+
+
+def test_frames_of_another_host_are_no_sign_of_the_board(monkeypatch: pytest.MonkeyPatch) -> None:
+    with open_link_board("virtual") as board:
+        session = board.session
+        clock, waited_s = session.clock, [0.0]
+        session.clock = session.listening.clock = lambda: clock() + waited_s[0]
+        question = session.frame("CHALLENGE", 0, 0)
+
+        def another_host(timeout_s: float = 0.0) -> list[Frame]:
+            waited_s[0] += min(timeout_s, 0.1)
+            return [question]
+
+        monkeypatch.setattr(session.frames, "read_frames", another_host)
+        with pytest.raises(LinkError, match="stopped answering"):
+            session.request("DISARM", 0, 0)
+        assert waited_s[0] == pytest.approx(TRIES * REPLY_TIMEOUT_S, abs=0.1)
 
 
 def test_a_slow_board_falls_silent_in_its_own_time() -> None:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from plumb.cockpit.hold import Hold
 from plumb.errors import PlumbError
 from plumb.link.identity import NackError
-from plumb.link.listening import BoardWait
+from plumb.link.listening import BoardWait, Listening
 from plumb.link.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, READY_WAIT_S, Session
 
 Answer = dict[str, object]
@@ -38,8 +38,9 @@ class Arming:
         self._stop_asked = threading.Event()
         self._hand: int | None = None
         self._reply: Reply | None = None
-        self._seen, self._armed_s, self._next_s = False, 0.0, 0.0
+        self._seen, self._next_s = False, 0.0
         self._waited = BoardWait({}, lambda: 0.0)
+        self._said_so = Listening(lambda: 0.0).timeout(0.0)
 
     @property
     def waiting(self) -> bool:
@@ -95,7 +96,7 @@ class Arming:
             self.drop(str(error))
         else:
             reply, self._reply = self._reply, None
-            self.armed, self._seen, self._armed_s = True, False, session.listening.total_s
+            self.armed, self._seen, self._said_so = True, False, session.listening.timeout(SEEN_S)
             self._say("armed by the page")
             reply({"good": True, "text": "armed"})
 
@@ -108,8 +109,7 @@ class Arming:
             self._say(f"not armed any more: {session.holding.over}")
             return
         self._seen = self._seen or steps_say_armed
-        late = not self._seen and session.listening.total_s - self._armed_s > SEEN_S
-        if late or (self._seen and not steps_say_armed):
+        if (self._seen and not steps_say_armed) or (not self._seen and self._said_so.over):
             self.disarm(session, f"the board disarmed itself{session.listening.unread_text}; Health says why")
 
     def disarm(self, session: Session, why: str) -> None:

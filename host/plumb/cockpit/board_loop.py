@@ -90,7 +90,7 @@ class BoardLoop:
         self._arming = Arming(hold, self.note)
         self._own_run = False
         self._words: list[int] = []
-        self._learnt, self._idle_s, self._own_s = 0, 0.0, 0.0
+        self._learnt = 0
         self._test: StepTest | None = None
         self._result: object = None
         self._questions = Questions()
@@ -176,6 +176,7 @@ class BoardLoop:
     def _open(self, session: Session) -> None:
         """Take over a session: at the start, and after the board was restarted."""
         self._session = session
+        self._idle, self._foreign = session.listening.timeout(IDLE_S), session.listening.timeout(FOREIGN_S)
         self._identity = session.identity or session.connect()
         self.recording.of(self.board)
         session.consent = self._arming.consent
@@ -228,16 +229,16 @@ class BoardLoop:
     def _notice_end(self, session: Session) -> None:
         """Notice that the run of the cockpit is over although it was not ended here: the board was restarted, or
         another host ended the run or began one. Nothing begins by itself then."""
-        now_s, idle = session.listening.total_s, session.telemetry.get("STATUS", {}).get("mode", 1) == 0
-        foreign = session.telemetry.get("TIME", {}).get("run_tag", 0) not in (0, session.run_tag)
-        self._idle_s = self._idle_s if idle else now_s
-        self._own_s = self._own_s if foreign else now_s
-        if self._own_run and now_s - self._own_s > FOREIGN_S:
+        if session.telemetry.get("STATUS", {}).get("mode", 1) != 0:
+            self._idle.renew()
+        if session.telemetry.get("TIME", {}).get("run_tag", 0) in (0, session.run_tag):
+            self._foreign.renew()
+        if self._own_run and self._foreign.over:
             self._test = None
             self._arming.over("another host has begun a run")
             self.note("the run ended: another host has begun one")
             self._join()
-        elif self._own_run and now_s - self._idle_s > IDLE_S:
+        elif self._own_run and self._idle.over:
             self._own_run, self._test = False, None
             self._arming.over("the run ended")
             self.note("the run ended: the board was restarted, or another host ended it; New run begins another one")
@@ -297,8 +298,9 @@ class BoardLoop:
         frames = monitor.selection(period_us, self._session.system, raw_first=True)
         self._open_run(words, frames, period_us * 1e-6)
         self._session.begin("REALTIME_LIVE", frames=frames)
-        self._own_run, self._idle_s = True, self._session.listening.total_s
-        self._own_s = self._idle_s
+        self._own_run = True
+        self._idle.renew()
+        self._foreign.renew()
         self.note(f"run {self._runs} of {self._session.system} began, disarmed")
 
     def _open_run(self, words: list[int], frames: tuple[str, ...], period_s: float, *, joined: bool = False) -> None:

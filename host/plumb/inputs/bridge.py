@@ -193,7 +193,7 @@ class Bridge:
         silent until a host opens the link again, and the cable does not show the reset."""
         if session.receive(timeout_s):
             self.counted.note(session.telemetry)
-        elif session.listening.quiet_s > BOARD_TIMEOUT_S:
+        elif session.listening.silent(BOARD_TIMEOUT_S):
             raise LinkError("it fell silent")
 
     def _one_run(self, session: Session, sample: Sample, stopped: Callable[[], bool]) -> None:

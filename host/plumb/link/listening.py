@@ -2,11 +2,14 @@
 
 Silence is what a link does not bring, not what this process does not read: on a busy computer, or behind slow work, a
 second may pass between two reads of a link on which everything waits. So time passes here only while a read waits, and
-of a read at most the wait that was asked for. Every time-out of a host for what a board should send is measured here.
+of a read at most the wait that was asked for. A board that is simulated on a busy computer is slow, not silent: while
+its frames come, a time-out passes in the board's own time, which TIME tells. Every time-out of a host for what a board
+should send is measured here.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 
 LATEST = 20
@@ -19,19 +22,28 @@ RESTARTED_S = 60.0
 """A clock of the board that goes on by more from one TIME to the next, which come every 50 ms, began anew."""
 SHORTEST_S = 1e-6
 """Less than this is nothing: it may vanish in the rounding of a sum."""
+TIME_EVERY_S = 0.05
+"""The board sends TIME this often, by its own clock."""
+JITTER_S = 0.005
+"""Two TIMEs may be this much nearer to each other: the board sends each between two turns of its loop."""
+NEWEST_TIMES = 8
+"""Of so many TIMEs the newest slowness is measured: a board may become slow long after its link was opened."""
 
 
 class Listening:
     """The time spent on reads of one link. clock: of the link, simulated for a simulated board. total_s: waited so
-    far; quiet_s: of that, since the last read that brought something. unread_s: the longest time for which this process
-    did not read when it should have, between two reads or because one ended late; whoever measures it sets it to 0."""
+    far; quiet_s: of that, since the last read that brought something of the board. unread_s: the longest time for which
+    this process did not read when it should have, between two reads or because one ended late; whoever measures it sets
+    it to 0. board_s: the time that has passed for the board, by its TIMEs; None before the first of them."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
         self.total_s = self.quiet_s = self.unread_s = 0.0
         self._end_s = clock()
-        self._last_us: int | None = None
-        self._first_s = self._board_s = self._took_s = 0.0
+        self.board_s: float | None = None
+        self._last_us = 0
+        self._since: deque[tuple[float, float]] = deque(maxlen=NEWEST_TIMES)
+        self._first = self._newest = 0.0, 0.0
 
     def note(self, asked_s: float, begin_s: float, brought: bool) -> None:
         """A read has ended. asked_s: the longest wait that was asked for; begin_s: when it began; brought: whether it
@@ -44,18 +56,28 @@ class Listening:
 
     def board_says(self, time_us: int) -> None:
         """TIME has come: the board's clock is at this count."""
-        passed_s = 0.0 if self._last_us is None else (time_us - self._last_us & 0xFFFFFFFF) * 1e-6
-        if self._last_us is None or passed_s > RESTARTED_S:
-            self._first_s, self._board_s = self.total_s, 0.0
-        else:
-            self._board_s += passed_s
-        self._last_us, self._took_s = time_us, self.total_s - self._first_s
+        passed_s = (time_us - self._last_us & 0xFFFFFFFF) * 1e-6
+        restarted = self.board_s is None or passed_s > RESTARTED_S
+        self.board_s = (self.board_s or 0.0) + (0.0 if restarted else passed_s)
+        self._last_us, self._newest = time_us, (self.total_s, self.board_s)
+        if restarted:
+            self._first = self._newest
+            self._since.clear()
+        self._since.append(self._newest)
 
     @property
     def slowness(self) -> float:
-        """How many seconds of listening a second of the board has taken, 1 to LATEST. A board that is simulated at a
-        tenth of real time sends nothing for ten times as long, and is not silent."""
-        return min(max(1.0, self._took_s / self._board_s), LATEST) if self._board_s > 0.0 else 1.0
+        """How many seconds of listening a second of the board takes, 1 to LATEST: the larger of the mean since its
+        first TIME and of the mean over the newest of them. A board that is simulated at a tenth of real time sends
+        nothing for ten times as long, and is not silent."""
+        listened_s, board_s = self._newest
+        since = (self._first, *self._since)[:2]
+        slow = [(listened_s - begin_s) / (board_s - at_s) for begin_s, at_s in since if board_s > at_s]
+        return min(max([1.0, *slow]), LATEST)
+
+    def silent(self, seconds: float) -> bool:
+        """Whether the link has brought nothing of the board for so long, as the board's time passes."""
+        return self.quiet_s >= seconds * self.slowness
 
     @property
     def unread_text(self) -> str:
@@ -68,7 +90,7 @@ class Listening:
 
 
 class Timeout:
-    """A time-out of so many seconds of listening."""
+    """A time-out of so many seconds of listening and, while the board's frames come, of the board's own time."""
 
     def __init__(self, listening: Listening, seconds: float) -> None:
         self._listening, self._seconds = listening, seconds
@@ -76,14 +98,30 @@ class Timeout:
 
     def renew(self, seconds: float | None = None) -> None:
         """Begin again, for as long as before or for so many seconds."""
+        listening = self._listening
         self._seconds = self._seconds if seconds is None else seconds
-        self._begin_s, self._latest_s = self._listening.total_s, self._listening.clock() + LATEST * self._seconds
+        self._begin_s, self._latest_s = listening.total_s, listening.clock() + LATEST * self._seconds
+        self._board_begin_s = listening.board_s
 
     @property
     def left_s(self) -> float:
-        """What is left of it; 0 when it is over."""
-        left_s = self._seconds - (self._listening.total_s - self._begin_s)
-        return left_s if left_s > SHORTEST_S and self._listening.clock() < self._latest_s else 0.0
+        """What is left of it; of a board that is behind its time, until it says TIME again. 0 when it is over."""
+        listening = self._listening
+        if listening.clock() >= self._latest_s:
+            return 0.0
+        left_s = self._seconds - (listening.total_s - self._begin_s)
+        if left_s > SHORTEST_S:
+            return left_s
+        return TIME_EVERY_S if self._board_is_behind else 0.0
+
+    @property
+    def _board_is_behind(self) -> bool:
+        """Less time than this has passed for a board that is not silent."""
+        listening = self._listening
+        if listening.board_s is None or listening.silent(self._seconds):
+            return False
+        passed_s = listening.board_s - (self._board_begin_s or 0.0)
+        return passed_s < self._seconds - JITTER_S
 
     @property
     def over(self) -> bool:

@@ -244,7 +244,7 @@ def _texts(bits: int, names: dict[int, str]) -> list[str]:
 
 def require_heard(session: Session) -> None:
     """Raises LinkError when the link has brought nothing for SILENCE_S of listening, as the board's time passes."""
-    if session.listening.quiet_s > SILENCE_S * session.listening.slowness:
+    if session.listening.silent(SILENCE_S):
         raise LinkError("the board fell silent: check cable and power, then start again")
 
 

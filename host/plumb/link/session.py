@@ -88,6 +88,7 @@ class Session:
         numbered = (*RAW_FRAMES, "STEP")
         self._numbered = {self.protocol[name].identifier for name in numbered}
         self._kept = {self.protocol[name].identifier: name for name in PERIODIC}
+        self._of_board = {i for i, message in self.protocol.by_identifier.items() if message.sender == "BOARD"}
         self._pumped: list[Frame] = []
         self.holding = Holding(self.protocol)
         self.setpoint = SaidSetpoint(self.protocol)
@@ -182,7 +183,7 @@ class Session:
     def _read(self, wait_s: float) -> list[Frame]:
         begin_s = self.clock()
         frames = self.frames.read_frames(wait_s)
-        self.listening.note(wait_s, begin_s, bool(frames))
+        self.listening.note(wait_s, begin_s, any(identifier in self._of_board for identifier, _ in frames))
         return frames
 
     def _follow(self, frames: list[Frame]) -> None:
