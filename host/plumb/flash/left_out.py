@@ -7,6 +7,9 @@ from plumb.spec import declarations
 
 ENTRIES = ("init", "step", "params_valid", "plausibility", "retune")
 """Functions of a system that the dispatch calls: plumb_NAME_init() and so on."""
+LOOKUP, LOOKUP_BYTES = "place_of", 448
+"""Function of generated/params.c by which an image finds parameters when it holds a part of the table; and the most
+that it and its like take. An image of all systems does without."""
 
 
 def systems_in(graph: CallGraph) -> list[str]:
@@ -15,15 +18,16 @@ def systems_in(graph: CallGraph) -> list[str]:
 
 
 def saved_bytes(graph: CallGraph, system: str) -> int:
-    """Flash of the functions that only this system reaches; 0 where another system of the image stands on it. Constants
-    and initial values come on top."""
+    """Flash of the functions that only this system reaches, less what finds a part of the table where this image holds
+    all of it; 0 where another system stands on it. Constants and initial values come on top."""
     if any(system in declarations.system(name).stands_on for name in systems_in(graph)):
         return 0
     entries = {f"plumb_{system}_{entry}" for entry in ENTRIES}
     closed = {at for at, function in graph.functions.items() if function.name in entries}
     handlers = graph.elf.vectors()
     alone = graph.reachable(*handlers) - graph.reachable(*handlers, closed=closed)
-    return sum(symbol.size for symbol in graph.elf.functions if symbol.address in alone)
+    code = sum(symbol.size for symbol in graph.elf.functions if symbol.address in alone)
+    return code if LOOKUP in graph.elf.symbols else max(code - LOOKUP_BYTES, 0)
 
 
 def advice(graph: CallGraph) -> str:
