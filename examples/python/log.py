@@ -24,6 +24,6 @@ print(f"tilt up to {np.nanmax(np.abs(run.signals['tilt_deg'])):.1f} {run.units['
 print(f"every digest reproduced: {result.bit_exact}")
 
 # Prints:
-#     quad, a step every 5 ms, kp 0.0196 per deg
+#     quad, a step every 5 ms, kp 0.0216 per deg
 #     tilt up to 0.9 deg
 #     every digest reproduced: True

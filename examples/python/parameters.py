@@ -17,7 +17,7 @@ with plumb.connect("native") as board:
     print(f"hold with these: {result.verdict}")
 
 # Prints:
-#     pid.kp_per_deg = 0.0196 1/deg, pid.kp_q22
+#     pid.kp_per_deg = 0.0216 1/deg, pid.kp_q22
 #     0.0500, 200.0, 1900.0, 500
 #     pid.kp_per_deg = 5: too large for its integer, the most is 0.711111
 #     hold with these: pass

@@ -38,6 +38,15 @@ def test_the_axis_stands_as_much_delay_as_the_model_says() -> None:
     assert largest_tilt_deg(round(1.15 * most_ms)) > 8.0, "a limit cycle"
 
 
+def test_the_gains_of_hold_use_the_phase_that_they_may() -> None:
+    """35 deg are asked: a P or a D that is a tenth larger holds the axis stiller, and has less."""
+    loop = Loop(quad_loops.axis(quad_loops.PULSE_DELAY_S), Controller(quad.HOLD, quad.HOLD.trust.r_deg2))
+    shipped, pid = loop.margins(quad.HOLD.pid), quad.HOLD.pid
+    assert 35.0 <= shipped.phase_deg < 35.5
+    assert loop.margins(replace(pid, kp_per_deg=1.1 * pid.kp_per_deg)).phase_deg < 35.0
+    assert loop.margins(replace(pid, kd_per_dps=1.1 * pid.kd_per_dps)).phase_deg < 35.0
+
+
 def duty_steps(times: float) -> float:
     """How much the duty changes from step to step, rms, with all gains of the balance loop so many times as large."""
     pid = balancer.TUNED.pid

@@ -28,9 +28,9 @@
 #define TRUST_2 \
     {.r_deg2 = 4.0, .gain_deg2 = 15000.0, .r_max_deg2 = 4000.0}
 #define TRUST_3 \
-    {.r_deg2 = 1.0, .gain_deg2 = 4400.0, .r_max_deg2 = 1000.0}
+    {.r_deg2 = 8.0, .gain_deg2 = 60000.0, .r_max_deg2 = 16000.0}
 #define PID_2 \
-    {.kp_per_deg = 0.0196, .ki_per_deg_s = 0.0432, .kd_per_dps = 0.00577, .derivative_tau_s = 0.0005, \
+    {.kp_per_deg = 0.0216, .ki_per_deg_s = 0.104, .kd_per_dps = 0.00605, .derivative_tau_s = 0.0005, \
      .slew_per_s = 20.0}
 #define KALMAN_3 \
     {.q_angle_deg2_per_s = 0.5, .q_bias_dps2_per_s = 0.25, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
@@ -69,7 +69,7 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_TRAPEZIUM = {
 };
 
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_HOLD = {
-    .period_us = 5000, .calibration = CALIBRATION_1, .kalman = KALMAN_1, .trust = TRUST_3,
+    .period_us = 5000, .calibration = CALIBRATION_1, .kalman = KALMAN_2, .trust = TRUST_3,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_2, .esc = ESC_1,
 };
 

@@ -28,6 +28,8 @@ TURN_DEG = 360.0 / 2.0**32
 RATE_DPS = 360.0 / 2.0**28
 """Degrees per second in a unit of a rate word."""
 COMMAND = 2.0**-22
+PRESCRIBED_WITHIN_DEG = 0.01
+"""A prescribed motion is its own setpoint, but for rounding."""
 
 
 def estimate_deg(run: Run) -> FloatArray:
@@ -62,7 +64,18 @@ def metrics(run: Run) -> dict[str, float | None]:
         "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
         "bias_settled_s": bias_settled_s(run),
         **consistency(run, estimated_deg),
+        **apart_from_setpoint(run),
     }
+
+
+def apart_from_setpoint(run: Run) -> dict[str, float | None]:
+    """How far the axis is from its setpoint over the second half of the run; {} where it follows a prescribed motion
+    that is its setpoint, or has no true tilt."""
+    late = slice(len(run.inputs.raw) // 2, None)
+    error_deg = measures.wrap_deg((run.inputs.truth["tilt_deg"] - run.inputs.setpoint * TURN_DEG)[late])
+    if not np.isfinite(error_deg).all() or not np.any(np.abs(error_deg) > PRESCRIBED_WITHIN_DEG):
+        return {}
+    return {"setpoint_rmse_deg": float(np.sqrt(np.mean(error_deg * error_deg)))}
 
 
 def consistency(run: Run, estimated_deg: FloatArray) -> dict[str, float | None]:

@@ -35,8 +35,9 @@ Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 
 PATENT_MEAN, PATENT_MAX = 20.81, 35.04
 """Improvement over the gyro alone that the source claims for the data layer, %."""
-MANY = 10
-"""How many times the seeds the headline is over: how much fusion gains depends on the scales that were drawn."""
+MANY, TOGETHER = 10, 40
+"""The headline is over so many blocks of at most 40 seeds, because how much fusion gains depends on the scales that were
+drawn. The float64 reference runs as many at once: its states of hundreds would fill the memory of a machine."""
 HEADLINE = ("data layer, seeds 1000-1399, mean", "motion", "data")
 
 ASSUMED = (
@@ -120,8 +121,15 @@ class Batch:
 
     def float64(self, tuning: str, rule: reference_turntable.Rule = "trapezium") -> Residual:
         """`plumb.systems.run_reference` on the same counts."""
+        return Residual.joined([part._float64(tuning, rule) for part in self._parts()])
+
+    def _float64(self, tuning: str, rule: reference_turntable.Rule) -> Residual:
         attitudes = np.moveaxis(reference_attitude(self._reference(tuning, rule)), 1, 0)
         return Residual.of(residuals(run, one) for run, one in zip(self.runs, attitudes, strict=True))
+
+    def _parts(self) -> Iterator[Batch]:
+        for first in range(0, len(self.runs), TOGETHER):
+            yield Batch(self.runs[first : first + TOGETHER])
 
     def _reference(self, tuning: str, rule: reference_turntable.Rule = "trapezium") -> dict[str, FloatArray]:
         raw = np.stack([run.counts() for run in self.runs], axis=-1)
@@ -138,6 +146,9 @@ class Batch:
 
     def float64_rate_noise_dps(self, tuning: str) -> FloatArray:
         """The same of `plumb.systems.run_reference`."""
+        return np.concatenate([part._float64_rate_noise_dps(tuning) for part in self._parts()])
+
+    def _float64_rate_noise_dps(self, tuning: str) -> FloatArray:
         found = self._reference(tuning)
         rates = [found[f"rate_dps_{i}"] for i in range(3)]
         return np.array([rate_error_dps(run, [rate[:, k] for rate in rates]) for k, run in enumerate(self.runs)])
@@ -213,24 +224,25 @@ def motion_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def many_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """The headline over MANY times the seeds, in blocks as large as the other rows' so that their scatter shows."""
+    """The headline over MANY blocks of the seeds, or all seeds if they are more, so that the blocks' scatter shows."""
     first, *rest = seeds
-    count = 1 + len(rest)
+    count = min(1 + len(rest), TOGETHER)
+    last = first + max(MANY * count, 1 + len(rest))
     found: dict[str, list[Residual]] = {"data": [], "loose_angular": [], "-": []}
     alone = []
-    for start in range(first, first + MANY * count, count):
-        batch = Batch.of("motion", range(start, start + count))
+    for start in range(first, last, count):
+        batch = Batch.of("motion", range(start, min(start + count, last)))
         alone.append(batch.gyro)
         for tuning, blocks in found.items():
             blocks.append(batch.lag_undone() if tuning == "-" else batch.integers(tuning))
-    drawn, gyro = f"seeds {first}-{first + MANY * count - 1}", Residual.joined(alone)
+    drawn, gyro = f"seeds {first}-{last - 1}", Residual.joined(alone)
     limits = LIMITS["motion", "data", "open"]
     reach = (limits[0].value, limits[1].value)
     rows_of = {tuning: Residual.joined(blocks) for tuning, blocks in found.items()}
     yield from rows(f"data layer, {drawn}", rows_of["data"], gyro, "motion", "data", "at least", reach, source=True)
     below = [block.below(mark)[0] for block, mark in zip(found["data"], alone, strict=True)]
     for which, value in (("least", min(below)), ("most", max(below))):
-        claim = f"the same, {which} of {MANY} blocks of {count}, mean"
+        claim = f"the same, {which} of {len(alone)} blocks of {count}, mean"
         yield Figure(claim, "motion", "data", "% below gyro", "beside", 0.0, value)
     for claim, tuning in (("lag undone", "-"), ("3 % of scale error believed", "loose_angular")):
         yield from rows(f"{claim}, {drawn}", rows_of[tuning], gyro, "motion", tuning, "shown", (0.0, 0.0))
