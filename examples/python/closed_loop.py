@@ -10,9 +10,9 @@ for time_s in (10.0, 10.6, 11.0, 12.0, 13.5):  # pulled to 20 deg by hand, and r
 print(f"{result.steps} steps, bit-exact: {result.bit_exact}")
 
 # Prints:
-#     10.0 s  tilt   0.00 deg  estimated  -0.96 deg
-#     10.6 s  tilt  20.00 deg  estimated  19.81 deg
-#     11.0 s  tilt -12.24 deg  estimated -12.75 deg
-#     12.0 s  tilt  -0.32 deg  estimated   0.10 deg
-#     13.5 s  tilt  -1.09 deg  estimated  -0.64 deg
+#     10.0 s  tilt   0.00 deg  estimated  -0.42 deg
+#     10.6 s  tilt  20.00 deg  estimated  20.04 deg
+#     11.0 s  tilt -20.30 deg  estimated -20.76 deg
+#     12.0 s  tilt   3.40 deg  estimated   3.81 deg
+#     13.5 s  tilt  -0.59 deg  estimated  -0.19 deg
 #     2800 steps, bit-exact: True

@@ -33,7 +33,7 @@ def test_several_values_are_one_commit(board: Board) -> None:
     found = board.params.read()
     assert found["kalman.bias_max_dps"] == pytest.approx(200.0, rel=1e-3)
     assert (found["esc.max_us"], found["arm_hold_ms"], found["tilt"]) == (1900.0, 500, "arcsine")
-    assert found["kalman.q_angle_deg2_per_s"] == pytest.approx(6e-5 / 0.02, rel=1e-3)
+    assert found["kalman.q_angle_deg2_per_s"] == pytest.approx(2e-4 / 0.02, rel=1e-3)
 
 
 @pytest.mark.parametrize(("name", "value"), [("trust.r", 1.0), ("kalman.q_angle", 0.01), ("start.p00", 100.0)])
@@ -53,7 +53,7 @@ def test_the_period_is_that_of_filter_and_timer(board: Board) -> None:
     board.params["period_us"] = 10_000
     assert board.params["period_us"] == 10_000
     assert board.params.tuning.period_s == pytest.approx(0.01)
-    assert board.params["kalman.q_angle"] == pytest.approx(6e-5 / 0.02, rel=1e-3)
+    assert board.params["kalman.q_angle"] == pytest.approx(2e-4 / 0.02, rel=1e-3)
 
 
 def test_the_tuning_of_a_board_is_one_for_a_run(board: Board) -> None:
