@@ -36,8 +36,8 @@ Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 PATENT_MEAN, PATENT_MAX = 20.81, 35.04
 """Improvement over the gyro alone that the source claims for the data layer, %."""
 MANY, TOGETHER = 10, 40
-"""The headline is over so many blocks of at most 40 seeds, because how much fusion gains depends on the scales that were
-drawn. The float64 reference runs as many at once: its states of hundreds would fill the memory of a machine."""
+"""The headline is over so many blocks of at most 40 seeds, because how much fusion gains depends on the scales that
+were drawn. The float64 reference runs as many at once: its states of hundreds would fill the memory of a machine."""
 HEADLINE = ("data layer, seeds 1000-1399, mean", "motion", "data")
 
 ASSUMED = (
