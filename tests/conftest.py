@@ -8,6 +8,7 @@ fail the test, its process ends after twice that, with the same account: the who
 from __future__ import annotations
 
 import faulthandler
+import gc
 import os
 import re
 import shutil
@@ -62,6 +63,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=long)
     here = Path(__file__).parent
     items[:] = sorted((item for item in items if item not in long), key=lambda item: item.path.parent != here)
+
+
+def pytest_collection_finish() -> None:
+    """Some ten thousand collected tests live as long as the process: the garbage collector, which would look at all of
+    them again and again, leaves them out, and comes less often."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

@@ -72,7 +72,7 @@ def test_what_differs_is_no_such_loop(other: dict[str, tuple[int, ...]]) -> None
     assert crc_loop(code(**other)) is None
 
 
-def turned(at_once: bool, *slices: int) -> tuple[list[int], int, list[int]]:
+def turned(at_once: bool, *slices: int) -> tuple[list[int], int, bytes]:
     """The registers, the instructions and the unit's words after slices of so many instructions of the loop."""
     machine = Machine(IMAGE, seed=3)
     cpu, machine.crc.clocked = machine.cpu, True
@@ -86,7 +86,7 @@ def turned(at_once: bool, *slices: int) -> tuple[list[int], int, list[int]]:
     cpu.pc = FLASH_BASE + at
     for instructions in slices:
         cpu.run(instructions)
-    return registers.read(), cpu.instructions, machine.crc.waiting
+    return registers.read(), cpu.instructions, bytes(machine.crc.waiting)
 
 
 @pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")

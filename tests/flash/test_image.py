@@ -1,8 +1,7 @@
-"""The flash image: what the three files hold, that the build repeats to the byte, and that a bad image is refused."""
+"""The flash image: what the three files hold, and that a bad image is refused."""
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import struct
@@ -15,8 +14,6 @@ import pytest
 
 from plumb.errors import UsageError
 from plumb.flash.image import load_own_image
-from plumb.spec import declarations
-from support.campaigns import LONG
 from support.linked_images import with_flash_limit
 
 ROOT = Path(__file__).parents[2]
@@ -82,30 +79,6 @@ def test_elf_holds_the_same_bytes(image: bytes, tmp_path: Path) -> None:
     assert _run_finish(elf).returncode == 0
     for kind in ("elf", "bin", "hex"):
         assert elf.with_suffix(f".{kind}").read_bytes() == (BUILD / f"firmware.{kind}").read_bytes()
-
-
-@pytest.mark.slow
-def test_same_sources_same_bytes_wherever_they_are_built(tmp_path: Path) -> None:
-    """Two clones of the same tree, in folders of different names, give the same three files. Of one system, unless
-    PLUMB_LONG=1: the options that decide are those of all, and the compiler refuses macros of date and time."""
-    if shutil.which("arm-none-eabi-gcc") is None:
-        pytest.skip("arm-none-eabi-gcc is not installed")
-    results = []
-    for name in ("one", "a/much/longer/name"):
-        tree = tmp_path / name
-        for part in ("firmware", "tools", "host/plumb"):
-            shutil.copytree(ROOT / part, tree / part, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
-        for part in ("CMakeLists.txt", "CMakePresets.json"):
-            shutil.copy(ROOT / part, tree / part)
-        clean = {key: value for key, value in os.environ.items() if not key.startswith("CMAKE")}
-        systems = "" if LONG else declarations.names()[0]
-        python = f"-DPython3_EXECUTABLE={sys.executable}"
-        configure = ["cmake", "--preset", "stm32f103", python, f"-DPLUMB_SYSTEMS={systems}"]
-        for command in (configure, ["cmake", "--build", "--preset", "stm32f103"]):
-            subprocess.run(command, cwd=tree, env=clean, check=True, capture_output=True)
-        results.append([(tree / f"build/stm32f103/firmware.{kind}").read_bytes() for kind in ("bin", "hex", "elf")])
-    assert results[0] == results[1]
-    assert str(tmp_path).encode() not in results[0][2]
 
 
 def test_an_image_over_its_budget_is_linked_and_no_tool_takes_it(tmp_path: Path, image: bytes) -> None:

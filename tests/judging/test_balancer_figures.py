@@ -23,7 +23,8 @@ from plumb.judging.balancer.rides import Batch
 from plumb.proof import figures
 from plumb.proof.figures import Figure
 from plumb.systems.balancer import scenarios as balancer
-from support.campaigns import campaign
+from support.campaigns import LONG, campaign
+from support.once_per_run import once_per_run, run_folder
 
 Rows = dict[tuple[str, str, str], Figure]
 PAGE = Path(__file__).parents[2] / "docs/systems/balancer.md"
@@ -35,13 +36,18 @@ def keyed(rows: Iterable[Figure]) -> Rows:
 
 
 @pytest.fixture(scope="module")
-def ridden() -> Rows:
-    return keyed(balancer_figures.open_rows(figures.SEEDS[: campaign(6, 40)]))
+def ridden(tmp_path_factory: pytest.TempPathFactory) -> Rows:
+    seeds = figures.SEEDS[: campaign(6, 40)]
+    beside = balancer_figures.BESIDE if LONG else {}  # the tests of the source's filter are long
+    rows = lambda: keyed(balancer_figures.open_rows(seeds, beside))  # noqa: E731
+    return once_per_run(run_folder(tmp_path_factory), "balancer, open loop", rows)
 
 
 @pytest.fixture(scope="module")
-def rocked() -> Rows:
-    return keyed(balancer_figures.rocked_rows(figures.SEEDS[: campaign(10, 40)]))
+def rocked(tmp_path_factory: pytest.TempPathFactory) -> Rows:
+    seeds = figures.SEEDS[: campaign(10, 40)]
+    rows = lambda: keyed(balancer_figures.rocked_rows(seeds))  # noqa: E731
+    return once_per_run(run_folder(tmp_path_factory), "balancer, rocked", rows)
 
 
 @pytest.mark.slow

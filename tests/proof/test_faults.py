@@ -25,6 +25,7 @@ from plumb.proof.faults.limits import limits
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.runner import Row, Runner
 from plumb.proof.faults.scene import Scene
+from plumb.proof.faults.sensors import ANALOG
 from support.campaigns import LONG, campaign
 
 LEAST = {
@@ -135,12 +136,12 @@ def test_every_row_starts_from_the_same_moment(runner: Runner) -> None:
 
 
 @pytest.mark.slow
-def test_a_frozen_gyro_is_told_alone() -> None:
+def test_a_frozen_gyro_is_told_alone(runner: Runner) -> None:
     """The pins of the accelerometer go on moving while that of the gyro is held."""
-    with Runner("quad", phases=1) as runner:
-        frozen, held_off = [
-            runner.run(fault) for fault in table.chosen(["gyro-frozen", "gyro-held-off"]) if runner.applies(fault)
-        ]
+    faults = [fault for fault in table.chosen(["gyro-frozen", "gyro-held-off"]) if fault.needs == ANALOG]
+    if not all(map(runner.applies, faults)):
+        return  # it reads chips over a bus
+    frozen, held_off = map(runner.run, faults)
     assert frozen.verdict == held_off.verdict == "pass"
     assert frozen.reported.endswith("SENSORS.analog: input PA0 does not change")
     assert held_off.reported == (
@@ -149,14 +150,13 @@ def test_a_frozen_gyro_is_told_alone() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", DRIVEN)
-def test_host_silent_over_many_phases(name: str) -> None:
+def test_host_silent_over_many_phases(runner: Runner, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the phase of steps, pulses and keep-alives, over either link."""
-    with Runner(name, phases=campaign(4, 1000)) as runner:
-        for fault in table.chosen(["host-silent*"]):
-            row = runner.run(fault)
-            assert row.verdict == "pass", row.why
-            assert row.safe_ms is not None and 10.0 < row.safe_ms <= 50.0
+    monkeypatch.setattr(runner, "phases", campaign(4, 1000))
+    for fault in table.chosen(["host-silent*"]):
+        row = runner.run(fault)
+        assert row.verdict == "pass", row.why
+        assert row.safe_ms is not None and 10.0 < row.safe_ms <= 50.0
 
 
 @pytest.mark.slow

@@ -21,12 +21,14 @@ def run_folder(factory: pytest.TempPathFactory) -> Path:
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
-def once_per_run(folder: Path, measured_on: Path, measure: Callable[[], Result]) -> Result:
-    """What measure() gives, from the folder when another worker has measured the same bytes of `measured_on`.
+def once_per_run(folder: Path, measured_on: Path | str, measure: Callable[[], Result]) -> Result:
+    """What measure() gives, from the folder when another worker has measured the same bytes of the file `measured_on`,
+    or, for a measurement that needs no file, under the same name.
 
     A worker that comes while another one measures waits for it. A measurement that raises leaves nothing.
     """
-    name = hashlib.sha256(measured_on.read_bytes()).hexdigest()
+    subject = measured_on.encode() if isinstance(measured_on, str) else measured_on.read_bytes()
+    name = hashlib.sha256(subject).hexdigest()
     kept = folder / f"{name}.measured"
     with (folder / f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

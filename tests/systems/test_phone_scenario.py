@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 import pytest
 
@@ -15,6 +13,7 @@ from plumb.proof.figures import UNASKED, Figure
 from plumb.systems.contracts import Plant, Scenario
 from plumb.systems.phone import scenarios as phone
 from plumb.tuning import quantise
+from support.once_per_run import once_per_run, run_folder
 
 SEEDS = (1000, 1001, 1002, 1003)
 
@@ -111,9 +110,11 @@ def test_playback_gives_the_counts_of_the_run() -> None:
     assert ride.setpoint(3.0) == 0
 
 
-@lru_cache(maxsize=1)
-def figures() -> list[Figure]:
-    return [row for section in phone_figures.SECTIONS.values() for row in section(SEEDS)]
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory: pytest.TempPathFactory) -> list[Figure]:
+    sections = phone_figures.SECTIONS.values()
+    rows = lambda: [row for section in sections for row in section(SEEDS)]  # noqa: E731
+    return once_per_run(run_folder(tmp_path_factory), "phone, figures", rows)
 
 
 @pytest.mark.slow
@@ -140,8 +141,8 @@ def figures() -> list[Figure]:
         ("with Euler rates, roll left at the end", 0.1, 1.0),
     ],
 )
-def test_figures_are_reached_and_not_by_luck(part: str, low: float, high: float) -> None:
-    rows = [row for row in figures() if row.claim.startswith(part)]
+def test_figures_are_reached_and_not_by_luck(figures: list[Figure], part: str, low: float, high: float) -> None:
+    rows = [row for row in figures if row.claim.startswith(part)]
     assert len(rows) == 1
     for row in rows:
         assert low <= row.reached <= high, row
@@ -161,28 +162,30 @@ def test_figures_are_reached_and_not_by_luck(part: str, low: float, high: float)
         ("turns", "euler", 98.5, 99.6),
     ],
 )
-def test_the_filter_is_quieter_than_the_accelerometer(scenario: str, tuning: str, low: float, high: float) -> None:
+def test_the_filter_is_quieter_than_the_accelerometer(
+    figures: list[Figure], scenario: str, tuning: str, low: float, high: float
+) -> None:
     """By more than the source's 70 % in both of its experiments; as printed it is not where everything moves."""
-    rows = [row for row in figures() if "step noise" in row.claim and (row.scenario, row.tuning) == (scenario, tuning)]
+    rows = [row for row in figures if "step noise" in row.claim and (row.scenario, row.tuning) == (scenario, tuning)]
     assert len(rows) == 1 and low <= rows[0].reached <= high and (rows[0].worst or 0.0) < rows[0].reached
 
 
-def test_what_the_source_claims_stands_in_its_own_column() -> None:
+def test_what_the_source_claims_stands_in_its_own_column(figures: list[Figure]) -> None:
     """Of its two experiments every row; of `general`, which it did not do, its drift alone."""
-    assert not [row.claim for row in figures() if "source" in row.claim]
-    claims = {(row.scenario, row.source) for row in figures() if row.source}
+    assert not [row.claim for row in figures if "source" in row.claim]
+    claims = {(row.scenario, row.source) for row in figures if row.source}
     assert claims == {
         ("general", "28.6, 34.4 deg"), ("static", "28.3 deg"), ("static", "about 4 %"), ("static", "about 70 %"),
         ("turns", "28.6 deg"), ("turns", "34.4 deg"), ("turns", "about 4 %"), ("turns", "about 70 %"),
     }  # fmt: skip
-    assert all(row.source or row.sense in UNASKED for row in figures() if row.scenario != "general")
+    assert all(row.source or row.sense in UNASKED for row in figures if row.scenario != "general")
 
 
-def test_euler_rates_cost_where_one_axis_turns_and_win_where_all_do() -> None:
+def test_euler_rates_cost_where_one_axis_turns_and_win_where_all_do(figures: list[Figure]) -> None:
     """The honest rows: beside the vertical the tangent makes an error of roll that body rates do not have."""
-    largest = {row.tuning: row.reached for row in figures() if row.claim.endswith("largest error of roll")}
+    largest = {row.tuning: row.reached for row in figures if row.claim.endswith("largest error of roll")}
     assert 0.3 < largest["printed"] < 3.0 and 4.0 < largest["euler"] < 25.0
-    shares = {row.tuning: row.reached for row in figures() if row.scenario == "general" and "share" in row.claim}
+    shares = {row.tuning: row.reached for row in figures if row.scenario == "general" and "share" in row.claim}
     assert shares["euler"] < 0.25 * shares["printed"]
 
 
@@ -215,14 +218,12 @@ def test_a_stuck_gyro_axis_shows() -> None:
 
 
 @pytest.mark.slow
-def test_the_simple_filters_fall_short_of_the_kalman_filter() -> None:
+def test_the_simple_filters_fall_short_of_the_kalman_filter(figures: list[Figure]) -> None:
     """At their best constants, with Euler rates as the filter has them."""
-    simple = {(row.scenario, row.claim.split()[0]): row.reached for row in phone_figures.blended_rows(SEEDS[:2])}
-    kalman = {
-        row.scenario: row.reached
-        for row in (*phone_figures.general_rows(SEEDS[:2]), *phone_figures.static_rows(SEEDS[:2]))
-        if row.tuning == "euler" and "share" in row.claim
-    }
+    general = [row for row in figures if row.scenario == "general"]
+    rows = [*general, *phone_figures.blended_rows(SEEDS[:2], ["static"]), *phone_figures.static_rows(SEEDS[:2])]
+    simple = {(row.scenario, row.claim.split()[0]): row.reached for row in rows if "float64" in row.claim}
+    kalman = {row.scenario: row.reached for row in rows if row.tuning == "euler" and "share" in row.claim}
     for scenario in ("general", "static"):
         assert kalman[scenario] < simple[scenario, "complementary"] < simple[scenario, "weighted"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from plumb.systems.turntable import scenarios as turntable
 from plumb.systems.turntable.motion import FADE_S, REST_S, lagged, motion
 from plumb.systems.turntable.reference import multiply, rotation_deg, turned
 from support.campaigns import campaign
+from support.once_per_run import once_per_run, run_folder
 
 SEEDS = range(1000, 1000 + campaign(2, 6))
 
@@ -112,37 +112,43 @@ def test_the_gyro_alone_is_a_trapezium_of_its_own_samples() -> None:
     assert np.abs(turntable_gyro.residuals_deg(behind, lag_s=0.008)).max() < 0.06
 
 
-@lru_cache(maxsize=1)
-def rows() -> dict[tuple[str, str, str], figures.Figure]:
+Rows = dict[tuple[str, str, str], figures.Figure]
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory) -> Rows:
     """On SEEDS."""
-    found = [*turntable_figures.motion_rows(SEEDS), *turntable_figures.white_rows(SEEDS)]
-    found += turntable_figures.preset_rows(SEEDS)
-    return {(row.scenario, row.tuning, row.claim): row for row in found}
+
+    def found() -> Rows:
+        parts = (turntable_figures.motion_rows, turntable_figures.white_rows, turntable_figures.preset_rows)
+        return {(row.scenario, row.tuning, row.claim): row for part in parts for row in part(SEEDS)}
+
+    return once_per_run(run_folder(tmp_path_factory), "turntable, figures", found)
 
 
 @pytest.mark.slow
-def test_the_figures_are_reached() -> None:
-    asked = [row for row in rows().values() if row.sense not in figures.UNASKED]
+def test_the_figures_are_reached(rows: Rows) -> None:
+    asked = [row for row in rows.values() if row.sense not in figures.UNASKED]
     assert len(asked) >= 9 and [row.claim for row in asked if not row.met] == []
 
 
-def test_the_honest_rows_are_there() -> None:
+def test_the_honest_rows_are_there(rows: Rows) -> None:
     for scenario in ("motion", "white", "untrimmed", "warm_up"):
-        claims = " / ".join(claim for name, _, claim in rows() if name == scenario)
+        claims = " / ".join(claim for name, _, claim in rows if name == scenario)
         assert "exactly as printed" in claims and "gyro alone, mean" in claims
         assert "known lag undone" in claims or scenario == "untrimmed"
-    beside = {row.claim for row in rows().values() if row.scenario == "motion" and row.sense == "beside"}
+    beside = {row.claim for row in rows.values() if row.scenario == "motion" and row.sense == "beside"}
     for honest in ("gyro alone, its known lag undone", "data layer exactly as printed"):
         assert {f"{honest}, mean", f"{honest}, max"} <= beside, "also in the short table"
-    for row in rows().values():
+    for row in rows.values():
         assert row.sense in figures.UNASKED or row.reference is not None or row.unit == "points"
         assert row.reference is None or row.reference == pytest.approx(row.reached, abs=0.05), row.claim
 
 
-def test_the_printed_data_layer_is_no_better_than_the_compensated_gyro() -> None:
+def test_the_printed_data_layer_is_no_better_than_the_compensated_gyro(rows: Rows) -> None:
     """Integrating the corrected rate forgets what the correction says about the angle."""
-    printed = rows()["motion", "printed", "as printed, known lag undone, mean"]
-    undone = rows()["motion", "-", "gyro alone, its known lag undone, mean"]
+    printed = rows["motion", "printed", "as printed, known lag undone, mean"]
+    undone = rows["motion", "-", "gyro alone, its known lag undone, mean"]
     assert printed.reached < undone.reached + 1.0
 
 

@@ -117,12 +117,13 @@ class Counter:
         self._uc.mem_map(MAGIC_RETURN, 0x1000)
         self._uc.mem_map(RCC_PAGE, 0x1000)  # plain memory: clocks may be switched on
         self._unit_blocks: set[int] = set()  # basic blocks that give the CRC unit words
-        self._unit_words: list[int] = []
+        self._unit_words = bytearray()
         self._uc.mmio_map(crc.BASE, 0x1000, self._on_unit_read, None, self._on_unit_write, None)
         self._next_argument = ARGUMENT_BASE
         self._trace: list[int] = []
         self._tables: list[Symbol] = []  # objects in flash that were read; ~index marks a read in the trace
         self._sizes: dict[int, int] = {}
+        self._blocks: dict[tuple[int, int], list[Instruction]] = {}
         self._costs: dict[tuple[int, ...], Cost] = {}
         self._nested: dict[tuple[int, ...], list[tuple[str, tuple[int, ...]]]] = {}
         self.profiles = {name: Profile(name) for name in watch}
@@ -149,7 +150,7 @@ class Counter:
 
     def _on_unit_write(self, _uc: object, offset: int, _size: int, value: int, _data: object) -> None:
         if offset == crc.DR_OFFSET:
-            self._unit_words.append(value)
+            self._unit_words += value.to_bytes(4, "little")
             self._unit_blocks.add(next(block for block in reversed(self._trace) if block >= 0))
         else:
             self._unit_words.clear()  # the only other register that the firmware writes resets it
@@ -213,13 +214,21 @@ class Counter:
 
     def path(self, blocks: tuple[int, ...]) -> list[Instruction]:
         """The instructions of a path, in the order executed."""
-        path = []
-        for start in (block for block in blocks if block >= 0):
-            address = start
-            while address < start + self._sizes[start]:
-                path.append(self.image.instruction(address))
-                address += path[-1].size
+        path: list[Instruction] = []
+        for start in blocks:
+            if start >= 0:
+                path += self._block(start, self._sizes[start])
         return path
+
+    def _block(self, start: int, size: int) -> list[Instruction]:
+        """The instructions of a basic block of so many bytes."""
+        if (start, size) not in self._blocks:
+            found, address = [], start
+            while address < start + size:
+                found.append(self.image.instruction(address))
+                address += found[-1].size
+            self._blocks[start, size] = found
+        return self._blocks[start, size]
 
     def _profile(self, blocks: tuple[int, ...]) -> None:
         """Adds every call of a watched function in a path to its profile."""
@@ -273,7 +282,7 @@ class Counter:
                     found.append((name, first, index))
             if start in self._watched:
                 open_calls.append((self._watched[start], index, len(returns)))
-            last = self.path((start,))[-1]
+            last = self._block(start, self._sizes[start])[-1]
             if last.is_call:
                 returns.append(last.address + last.size)
         return found + [(name, first, len(blocks)) for name, first, _ in open_calls]

@@ -31,8 +31,9 @@ The CRC unit takes a word every 4 cycles of HCLK (RM0008 4.2); a store that come
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from itertools import zip_longest
+from typing import Any, NamedTuple
 
 from plumb.extras import required
 from plumb.flash.thumb import Thumb
@@ -45,6 +46,7 @@ TABLE_READ_CYCLES_2WS = 2 + FLASH_READ_CYCLES_2WS  # a load from flash outside t
 _SINGLE_LOADS = {"ldr", "ldrb", "ldrh", "ldrsb", "ldrsh"}
 _SINGLE_STORES = {"str", "strb", "strh"}
 _MULTIPLE = {"ldm", "ldmdb", "stm", "stmdb", "push", "pop"}
+_MEMORY = _SINGLE_LOADS | _SINGLE_STORES | _MULTIPLE | {"ldrd", "strd"}
 _TABLE_BRANCHES = {"tbb", "tbh"}
 _CYCLES = {
     "mla": 2, "mls": 2, "umull": 5, "smull": 5, "umlal": 7, "smlal": 7, "udiv": 12, "sdiv": 12, "ldrd": 3, "strd": 3,
@@ -68,9 +70,10 @@ class Instruction:
     is_call: bool
     stack_change: int  # bytes by which it moves the stack pointer; negative = grows
 
-    @property
-    def is_data_processing(self) -> bool:
-        return self.name not in _SINGLE_LOADS | _SINGLE_STORES | _MULTIPLE | {"ldrd", "strd"}
+    is_data_processing: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "is_data_processing", self.name not in _MEMORY)
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,7 @@ def _refill(target: Instruction | None) -> int:
 
 def instruction_cycles(now: Instruction, before: Instruction | None, taken: bool, target: Instruction | None) -> int:
     """Cycles of one instruction at zero wait states, given the one executed before it and whether it branched."""
-    depends = before is not None and bool(before.writes & now.reads_address)
+    depends = before is not None and not before.writes.isdisjoint(now.reads_address)
     after_load = before is not None and before.name in _SINGLE_LOADS and not depends
     if now.name in _SINGLE_LOADS:
         cycles = (1 if after_load else 2) + (1 if now.is_literal else 0)
@@ -150,19 +153,22 @@ class _Flash:
         self._ready: dict[int, int] = {}  # line -> arrival
 
     def _read(self, line: int) -> None:
-        if line not in self._ready:
-            self._free = max(self.time, self._free) + FLASH_READ_CYCLES_2WS
-            while len(self._ready) > 1:
-                self._ready.pop(next(iter(self._ready)))
-            self._ready[line] = self._free
+        """A line that is in no buffer."""
+        self._free = max(self.time, self._free) + FLASH_READ_CYCLES_2WS
+        while len(self._ready) > 1:
+            self._ready.pop(next(iter(self._ready)))
+        self._ready[line] = self._free
 
     def execute(self, now: Instruction, cycles: int) -> None:
-        first = now.address // FLASH_LINE_BYTES
+        ready, first = self._ready, now.address // FLASH_LINE_BYTES
         last = (now.address + now.size - 1) // FLASH_LINE_BYTES
         for line in range(first, last + 1):
-            self._read(line)
-            self.time = max(self.time, self._ready[line] - 1)  # one cycle is the ordinary fetch
-        self._read(last + 1)
+            if line not in ready:
+                self._read(line)
+            if ready[line] - 1 > self.time:  # one cycle is the ordinary fetch
+                self.time = ready[line] - 1
+        if last + 1 not in ready:
+            self._read(last + 1)
         if now.is_literal:
             self._free = max(self.time, self._free) + FLASH_READ_CYCLES_2WS
             cycles += self._free - self.time - 1
@@ -182,8 +188,7 @@ class _CrcUnit:
         return waits
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """One executed instruction: its cycles, and the growth of the stack after it, in bytes."""
 
     instruction: Instruction
@@ -196,11 +201,11 @@ def path_steps(path: Sequence[Instruction], unit_writes: Container[int] = ()) ->
     """Steps of a path that ends with the return to the caller. unit_writes: addresses of the stores to the CRC unit."""
     flash, cycles, depth = _Flash(), 0, 0
     unit, unit_2ws = _CrcUnit(), _CrcUnit()
-    for index, now in enumerate(path):
-        before = path[index - 1] if index else None
-        after = path[index + 1] if index + 1 < len(path) else None
+    before: Instruction | None = None
+    for now, after in zip_longest(path, path[1:]):
         taken = after is None or after.address != now.address + now.size
         took, begun_2ws = instruction_cycles(now, before, taken, after), flash.time
+        before = now
         waits, waits_2ws = 0, 0
         if now.address in unit_writes:
             waits, waits_2ws = unit.wait(cycles), unit_2ws.wait(flash.time)
@@ -212,12 +217,13 @@ def path_steps(path: Sequence[Instruction], unit_writes: Container[int] = ()) ->
 
 def steps_cost(steps: Sequence[Step]) -> Cost:
     """Total cost of the steps."""
-    return Cost(
-        len(steps),
-        sum(step.cycles for step in steps),
-        sum(step.cycles_2ws for step in steps),
-        max((step.stack for step in steps), default=0),
-    )
+    cycles = cycles_2ws = stack = 0
+    for step in steps:
+        cycles += step.cycles
+        cycles_2ws += step.cycles_2ws
+        if step.stack > stack:
+            stack = step.stack
+    return Cost(len(steps), cycles, cycles_2ws, stack)
 
 
 def path_cost(path: Sequence[Instruction], unit_writes: Container[int] = ()) -> Cost:

@@ -189,10 +189,14 @@ def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32
 
 
 def scenario_error_deg(settings: AnyTuning, name: str, seed: int = 1000) -> float:
-    """Largest error of any angle against float64 over the whole chain, on one of the system's scenarios."""
+    """Largest error of any angle of the C core against float64 over the whole chain, on one of the system's
+    scenarios."""
     run = systems.load(settings.system).scenario(name, seed, period_us=settings.period_us)
-    params = quantise(fitted(run, settings))
-    found = runs.open_loop(NativeBoard(), runs.prescribed(run), params).metrics()["fixed_vs_reference_max_deg"]
+    params, inputs = quantise(fitted(run, settings)), runs.prescribed(run)
+    answer = NativeBoard().run_injected(params, inputs.raw, inputs.setpoint)
+    assert answer.words is not None
+    ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
+    found = runs.Run(inputs, params, answer.words, ideal, answer, None).metrics()["fixed_vs_reference_max_deg"]
     assert found is not None
     return float(found)
 

@@ -19,7 +19,7 @@ from plumb.errors import UsageError
 from plumb.extras import install_hint
 from plumb.f103.core import scb as core
 from plumb.f103.core.bus import Bus, SimulationError
-from plumb.f103.core.crc_loop import BEFORE, CODE_BYTES, INSTRUCTIONS, WORDS, CrcLoop, crc_loop
+from plumb.f103.core.crc_loop import BEFORE, CODE_BYTES, INSTRUCTIONS, TURN_BYTES, WORDS, CrcLoop, crc_loop
 from plumb.f103.core.nvic import BUS_FAULT, HARD_FAULT, NMI, SVCALL, USAGE_FAULT
 from plumb.f103.peripherals.crc import DR_OFFSET, Crc
 from plumb.process_signals import ending_of
@@ -196,8 +196,8 @@ class Cpu:
         def write_word(uc: int, offset: int, width: int, value: int, user: int) -> None:
             assert crc is not None
             if offset == DR_OFFSET and width == 4 and crc.clocked:
-                crc.waiting.append(value)
-                if not len(crc.waiting) % WORDS and self.loops_at_once:
+                crc.waiting += value.to_bytes(4, "little")
+                if not len(crc.waiting) % TURN_BYTES and self.loops_at_once:
                     self._feed(crc)
             else:
                 write(uc, offset, width, value, user)
@@ -217,16 +217,16 @@ class Cpu:
         loop = crc_loop(bytes(self.flash[at : at + CODE_BYTES]))
         if loop is None:
             return
-        start, end, turn_bytes = low[loop.source], low[loop.end], 4 * WORDS
-        left, rest = divmod(end - start, turn_bytes)
+        start, end = low[loop.source], low[loop.end]
+        left, rest = divmod(end - start, TURN_BYTES)
         turns = min(left, (self._limit.value - self._counter.value) // INSTRUCTIONS)
         if turns < 1 or rest or not RAM_BASE <= start < end <= RAM_BASE + len(self.ram):
             return
-        words = struct.unpack_from(f"<{turns * WORDS}I", self.ram, start - RAM_BASE)
-        crc.waiting += words
+        after = start + turns * TURN_BYTES
+        crc.waiting += self.ram[start - RAM_BASE : after - RAM_BASE]
         if loop not in self._turned:
             self._turned[loop] = Registers(self.uc, *(UC_ARM_REG_R0 + number for number in (loop.source, *loop.loaded)))
-        self._turned[loop].write(start + turns * turn_bytes, *words[-WORDS:])
+        self._turned[loop].write(after, *struct.unpack_from(f"<{WORDS}I", self.ram, after - TURN_BYTES - RAM_BASE))
         self._counter.value += turns * INSTRUCTIONS
 
     def _raise_later(self, error: BaseException) -> int:

@@ -21,6 +21,7 @@ GROUP, GROUPS = 4, 2
 """Words of a group, and groups of a turn."""
 WORDS, INSTRUCTIONS = GROUP * GROUPS, (1 + GROUP) * GROUPS + 2
 """Of a turn."""
+TURN_BYTES = 4 * WORDS
 BEFORE = 24
 """Most bytes of a turn in front of its last store."""
 CODE_BYTES = BEFORE + 8

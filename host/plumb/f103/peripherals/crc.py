@@ -8,7 +8,7 @@ leaves these waits out; `plumb bench` counts them.
 
 from __future__ import annotations
 
-import struct
+import array
 import zlib
 from typing import TYPE_CHECKING
 
@@ -24,26 +24,33 @@ RESET = 1
 _MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
+_FOUR_BYTES = next(code for code in "IL" if array.array(code).itemsize == 4)
+
+
 def _mirror(word: int) -> int:
     return int.from_bytes(word.to_bytes(4, "big").translate(_MIRRORED), "little")
 
 
-def remainder(start: int, words: list[int]) -> int:
-    """The unit's remainder after these words; start: the remainder before them."""
-    # zlib divides by the same polynomial, with every bit order reversed and the remainder complemented.
-    mirrored = struct.pack(f">{len(words)}I", *words).translate(_MIRRORED)
+def remainder(start: int, words: bytes | bytearray) -> int:
+    """The unit's remainder after these words, as they lie in memory; start: the remainder before them."""
+    # zlib divides by the same polynomial, with every bit order reversed and the remainder complemented. The unit begins
+    # with the highest byte of a word.
+    highest_first = array.array(_FOUR_BYTES, words)
+    highest_first.byteswap()
+    mirrored = highest_first.tobytes().translate(_MIRRORED)
     return _mirror(zlib.crc32(mirrored, _mirror(start) ^ 0xFFFFFFFF) ^ 0xFFFFFFFF)
 
 
 class Crc(Peripheral):
-    """waiting: words written since DR was last read; the remainder is computed when DR is read."""
+    """waiting: words written since DR was last read, as they lie in memory; the remainder is computed when DR is
+    read."""
 
     NARROW = "refuse"
     REGISTERS = (Register("dr", DR_OFFSET, START), Register("idr", 0x04, 0, 0xFF), Register("cr", 0x08))
     dr: int
 
     def __init__(self, machine: Mcu) -> None:
-        self.waiting: list[int] = []
+        self.waiting = bytearray()
         super().__init__(machine, "CRC", BASE)
 
     def reset(self) -> None:
@@ -51,7 +58,7 @@ class Crc(Peripheral):
         self.waiting.clear()
 
     def write_dr(self, value: int) -> None:
-        self.waiting.append(value)
+        self.waiting += value.to_bytes(4, "little")
 
     def read_dr(self) -> int:
         if self.waiting:

@@ -7,7 +7,7 @@ comparison; it has no target.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -104,7 +104,16 @@ LIMITS: Limits = {
 }
 
 
-def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
+BESIDE = {
+    "paper_rule_wheel": "tilt error, paper's rule, wheel",
+    "arctan": "tilt error, nothing taken off",
+    "arctan_fitted": "tilt error, nothing taken off, its own fit",
+    "paper_rule": "tilt error, nothing taken off, paper's rule",
+}
+"""Tunings of the source's filter, which stand beside the shipped one, and their claims."""
+
+
+def open_rows(seeds: Iterable[int], beside: Mapping[str, str] = BESIDE) -> Iterator[Figure]:
     """Prescribed motion: accelerometer and gyro alone, the shipped tuning, and the source's filter for comparison."""
     expected, _ = expected_raw_dps()
     yield Figure("raw rate, over every bias there may be", "rough", "-", "deg/s rms", "near", RAW_DPS, expected)
@@ -125,10 +134,8 @@ def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         gain = 100.0 * (1.0 - tilt.reached / float(np.mean(alone)))
         yield Figure("below accelerometer only", name, "tuned", "%", "at least", below, gain)
         yield rate
-        yield from _estimate(batch, "paper_rule_wheel", "tilt error, paper's rule, wheel", "beside", reach_deg)
-        yield from _estimate(batch, "arctan", "tilt error, nothing taken off", "beside", reach_deg)
-        yield from _estimate(batch, "arctan_fitted", "tilt error, nothing taken off, its own fit", "beside", reach_deg)
-        yield from _estimate(batch, "paper_rule", "tilt error, nothing taken off, paper's rule", "beside", reach_deg)
+        for tuning, claim in beside.items():
+            yield from _estimate(batch, tuning, claim, "beside", reach_deg)
 
 
 def _estimate(batch: Batch, tuning: str, claim: str, sense: Sense, reach_deg: float) -> tuple[Figure, Figure]:

@@ -187,9 +187,10 @@ def general_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         yield _quieter(batch, name, angles, quieter, by)
 
 
-def blended_rows(seeds: Iterable[int]) -> Iterator[Figure]:
+def blended_rows(seeds: Iterable[int], scenarios: Iterable[str] = tuple(BLENDED)) -> Iterator[Figure]:
     """Complementary filter and weighted average, which the source names beside the Kalman filter, at their best."""
-    for name, (tau_s, weight) in BLENDED.items():
+    for name in scenarios:
+        tau_s, weight = BLENDED[name]
         batch = Batch.of(name, seeds)
         general = name == "general"
         raw = batch.error_deg(batch.euler_rates_only())[-1] if general else np.abs(batch.axis_rates_only())[:, -1]

@@ -28,8 +28,8 @@ Number = Any  # Any: the operators of the two kinds have no common type
 
 
 def clip(x: Number, low: Number, high: Number) -> Number:
-    """x within [low, high]."""
-    return min(max(x, low), high) if isinstance(x, float) else np.clip(x, low, high)
+    """x within [low, high]. For the short arrays of a batch of runs np.clip takes four times as long."""
+    return min(max(x, low), high) if isinstance(x, float) else np.minimum(np.maximum(x, low), high)
 
 
 def atan2(y: Number, x: Number) -> Number:
