@@ -22,6 +22,8 @@ discarded.
 The summary has a histogram of the latency of each direction, from the arrival of a frame here to the end of its write
 on the other side, by the clock of this computer; in --json the buckets, too.
 
+--seconds counts from the begin of the first run, or from the start while there is none.
+
 Exit codes: 1 a bit differed; 3 no run began, a bus never opened, or --shadow verified nothing; 130 Ctrl-C.
 """
 
@@ -34,7 +36,7 @@ import shutil
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, Literal, NotRequired, TypedDict
 
 from plumb.cli import options
@@ -125,19 +127,9 @@ def main(arguments: argparse.Namespace) -> int:
         if f"can:{arguments.serve}" in (arguments.sensor, arguments.board):
             raise UsageError(f"--serve {arguments.serve} is a bus of the bridge itself: name another one")
     with endings() as caught, tapped(arguments) as tap:
-        begin_s: float | None = None
-
-        def stopped() -> bool:
-            nonlocal begin_s
-            if begin_s is None:
-                begin_s = time.monotonic()  # from the first call: loading and quantising take a while
-            if tap is not None:
-                tap.serve()
-            over = arguments.seconds is not None and time.monotonic() - begin_s >= arguments.seconds
-            return bool(caught) or over
-
-        summary = (carried if arguments.carry else bridged)(arguments, stopped, tap)
-        summary["seconds"] = round(time.monotonic() - (begin_s or time.monotonic()), 3)
+        ending = Ending(arguments.seconds, caught, tap)
+        summary = (carried if arguments.carry else bridged)(arguments, ending, tap)
+        summary["seconds"] = round(ending.passed_s, 3)
     print(json.dumps(summary) if arguments.json else describe(summary))
     if signal.SIGINT in caught:
         raise KeyboardInterrupt
@@ -146,6 +138,30 @@ def main(arguments: argparse.Namespace) -> int:
     if summary.get("verdict") in ("fail", "unverified"):
         return exit_code_of(summary["verdict"])
     return ExitCode.LINK_TROUBLE if idle else ExitCode.GOOD
+
+
+class Ending:
+    """Whether the bridge is to end: signalled, or after --seconds. They count from the first call, because loading and
+    quantising take a while, and anew from the first run of `bridge`: on a busy computer the way there may take as
+    long as was asked for, and nothing would be verified."""
+
+    def __init__(self, seconds: float | None, caught: Collection[int], tap: BusTap | None) -> None:
+        self.bridge: Bridge | None = None
+        self._seconds, self._caught, self._tap = seconds, caught, tap
+        self._begin_s: float | None = None
+        self._begun = False
+
+    @property
+    def passed_s(self) -> float:
+        return 0.0 if self._begin_s is None else time.monotonic() - self._begin_s
+
+    def __call__(self) -> bool:
+        begins = self.bridge is not None and self.bridge.runs > 0 and not self._begun
+        if self._begin_s is None or begins:
+            self._begin_s, self._begun = time.monotonic(), begins
+        if self._tap is not None:
+            self._tap.serve()
+        return bool(self._caught) or (self._seconds is not None and self.passed_s >= self._seconds)
 
 
 def say(text: str) -> None:
@@ -167,12 +183,13 @@ def tapped(arguments: argparse.Namespace) -> Iterator[BusTap | None]:
         yield BusTap(bus, say)
 
 
-def carried(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: BusTap | None) -> Summary:
+def carried(arguments: argparse.Namespace, ending: Ending, tap: BusTap | None) -> Summary:
     from plumb.inputs.bus_end import End, carry
     from plumb.inputs.latency import LatencyHistogram
 
     ends = [End(arguments.sensor), End(arguments.board)]
     there, back = latencies = LatencyHistogram(), LatencyHistogram()
+    stopped: Callable[[], bool] = ending
     if sys.stderr.isatty():
         stopped = watched(lambda: (ends[0].flow.frames, ends[1].flow.frames), {"there": there, "back": back}, stopped)
     for one in ends:
@@ -189,7 +206,7 @@ def carried(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: Bus
     }
 
 
-def bridged(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: BusTap | None) -> Summary:
+def bridged(arguments: argparse.Namespace, ending: Ending, tap: BusTap | None) -> Summary:
     from plumb import systems
     from plumb.errors import UsageError
     from plumb.inputs.bridge import Bridge
@@ -217,6 +234,8 @@ def bridged(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: Bus
         say=say,
         tap=tap.send if tap else lambda frames: None,
     )
+    ending.bridge = bridge
+    stopped: Callable[[], bool] = ending
     if sys.stderr.isatty():
         latencies = {"down": bridge.down, "up": bridge.up, "to the step": bridge.sample_to_step}
         stopped = watched(lambda: (bridge.sensor.flow.frames, bridge.board.frames), latencies, stopped, bridge)
