@@ -105,6 +105,18 @@ def test_a_full_disk_is_one_sentence_and_the_batches_stay(tmp_path: Path, monkey
     assert len(list(folder.batches_of(tmp_path))) == 2
 
 
+def test_a_script_needs_no_guard_for_the_processes_of_its_campaign(tmp_path: Path) -> None:
+    """A spawned process imports the script that began it: this one would begin its campaign again in every worker."""
+    script = tmp_path / "own.py"
+    script.write_text(
+        "import plumb\n"
+        "print(len(plumb.runs('quad', runs=32, seconds=2, open_loop=True, workers=2).table()['seed']))\n"
+        "print(__file__, __spec__)\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"32\n{script} None\n", "")
+
+
 def test_a_failing_run_is_kept_with_its_command(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

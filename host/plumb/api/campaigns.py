@@ -100,8 +100,6 @@ def runs(
 ) -> Runs:
     """Thousands of runs of a system, on all cores or on a cluster: `plumb campaign`.
 
-    In a script, call it below `if __name__ == "__main__":`, because the processes of the cores import the script.
-
     Args:
         system: Name of a system, or a study: a path, or a text that ends in .toml.
         runs: Runs in all; None: the study's, else 400.

@@ -11,6 +11,7 @@ import math
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -103,10 +104,16 @@ def identity(study: Study | None = None) -> dict[str, object]:
     return {
         "plumb": version.version,
         "commit": version.commit or None,
-        "core_sha256": image_of(native_core.core_path())["sha256"],
+        "core_sha256": _core_sha256(),
         "numpy": np.__version__,
         **({"recordings_sha256": recorded.content_sha256(files)} if files else {}),
     }
+
+
+@cache
+def _core_sha256() -> object:
+    """Of the core that this process has loaded: its file is read once, not for every batch."""
+    return image_of(native_core.core_path())["sha256"]
 
 
 def layout(study: Study) -> tuple[int, int]:

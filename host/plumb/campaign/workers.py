@@ -5,9 +5,11 @@ Each is a function of numbered batches that gives (number, Batch) as they are fi
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -47,6 +49,19 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
+@contextlib.contextmanager
+def _without_script() -> Iterator[None]:
+    """A spawned process imports the script that the user runs, and a script without a guard would begin its campaign
+    again in every worker. A batch needs nothing of it: while processes begin, the script has no file."""
+    script = sys.modules["__main__"].__dict__
+    kept = {name: script.pop(name) for name in ("__file__", "__spec__") if name in script}
+    script["__spec__"] = None
+    try:
+        yield
+    finally:
+        script.update({"__spec__": None, **kept})
+
+
 def in_processes(study: Study, tasks: Sequence[Task], workers: int) -> Iterator[tuple[int, Batch]]:
     """On this machine. A process that dies loses its batch, which is run again. Raises PlumbError for a batch that
     kills its process every time."""
@@ -58,7 +73,8 @@ def in_processes(study: Study, tasks: Sequence[Task], workers: int) -> Iterator[
             while left or waiting:
                 while left and len(waiting) < AHEAD * workers:
                     task = left.pop()
-                    waiting[pool.submit(run_batch, study, task[1])] = task
+                    with _without_script():
+                        waiting[pool.submit(run_batch, study, task[1])] = task
                 for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                     found = future.result()
                     yield waiting.pop(future)[0], found

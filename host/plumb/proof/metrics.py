@@ -37,8 +37,12 @@ def with_offset(two_sigma_deg: FloatArray, offset_g: float) -> FloatArray:
 
 def angle_rmse_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray) -> FloatArray:
     """Root mean square of the wrapped error over the window, (steps[, runs]) -> () or (runs,)."""
-    error_deg = wrap_deg(estimate_deg[window] - truth_deg[window])
-    return np.asarray(np.sqrt(np.mean(error_deg * error_deg, axis=0)))
+    return rms(wrap_deg(estimate_deg[window] - truth_deg[window]))
+
+
+def rms(error: FloatArray) -> FloatArray:
+    """Root mean square over the steps, (steps[, runs]) -> () or (runs,)."""
+    return np.asarray(np.sqrt(np.mean(error * error, axis=0)))
 
 
 def angle_max_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray) -> FloatArray:
@@ -60,8 +64,14 @@ class Consistency:
         cls, estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray, variance_lsb: npt.ArrayLike, lsb: float
     ) -> Consistency:
         """variance_lsb: the filter's variance after each step; lsb: one of it in deg^2. All (steps,)."""
-        error_deg = wrap_deg(estimate_deg[window] - truth_deg[window])
-        variance = float(np.mean(np.asarray(variance_lsb)[window], dtype=np.float64)) * lsb
+        return cls.of_errors(
+            wrap_deg(estimate_deg[window] - truth_deg[window]), np.asarray(variance_lsb)[window], lsb
+        )
+
+    @classmethod
+    def of_errors(cls, error_deg: FloatArray, variance_lsb: npt.NDArray[np.int64], lsb: float) -> Consistency:
+        """The same of the wrapped errors and the variances of a window, (samples,) each."""
+        variance = float(np.mean(variance_lsb, dtype=np.float64)) * lsb
         spread = float(np.std(error_deg))
         return cls(float(np.mean(error_deg)), spread, spread / variance**0.5 if variance > 0.0 else float("nan"))
 
@@ -99,11 +109,22 @@ class Convergence:
 
 def convergence(bias_error_dps: FloatArray, tilt_error_deg: FloatArray, period_s: float) -> Convergence:
     """Convergence of one run, arrays (steps,); step k ends k + 1 periods after the start."""
-    outside = np.flatnonzero(np.abs(bias_error_dps) >= BIAS_CONVERGED_DPS)
-    first = int(outside[-1]) + 1 if len(outside) else 0
+    first = _settled(bias_error_dps)
     if first == len(bias_error_dps):
         return Convergence(float("inf"), float("inf"))
     return Convergence((first + 1) * period_s, float(np.max(np.abs(wrap_deg(tilt_error_deg[first:])))))
+
+
+def settled_s(bias_error_dps: FloatArray, period_s: float) -> float:
+    """`Convergence.time_s` alone."""
+    first = _settled(bias_error_dps)
+    return float("inf") if first == len(bias_error_dps) else (first + 1) * period_s
+
+
+def _settled(bias_error_dps: FloatArray) -> int:
+    """The first step from which the bias stays near the true one; the number of steps if it never does."""
+    outside = np.flatnonzero(np.abs(bias_error_dps) >= BIAS_CONVERGED_DPS)
+    return int(outside[-1]) + 1 if len(outside) else 0
 
 
 @dataclass(frozen=True)

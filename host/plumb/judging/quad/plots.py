@@ -50,20 +50,18 @@ def two_sigma_deg(run: Run) -> FloatArray:
 
 def metrics(run: Run) -> dict[str, float | None]:
     """Errors of the tilt, as plumb.proof.metrics defines them; None for a run without scored samples."""
-    truth_deg, scored = run.inputs.truth["tilt_deg"], run.inputs.scored
-
-    def figure(measure: Callable[[FloatArray, FloatArray, BoolArray], FloatArray], deg: FloatArray) -> float | None:
-        return float(measure(deg, truth_deg, scored)) if scored.any() else None
-
     apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
-    estimated_deg = estimate_deg(run)
+    scored, some = run.inputs.scored, bool(run.inputs.scored.any())
+    truth_deg = run.inputs.truth["tilt_deg"][scored]
+    error_deg = measures.wrap_deg(estimate_deg(run)[scored] - truth_deg)
+    accel_deg = measures.wrap_deg(accel_only_deg(run)[scored] - truth_deg)
     return {
-        "angle_rmse_deg": figure(measures.angle_rmse_deg, estimated_deg),
-        "angle_max_deg": figure(measures.angle_max_deg, estimated_deg),
-        "accel_only_rmse_deg": figure(measures.angle_rmse_deg, accel_only_deg(run)),
+        "angle_rmse_deg": float(measures.rms(error_deg)) if some else None,
+        "angle_max_deg": float(np.max(np.abs(error_deg))) if some else None,
+        "accel_only_rmse_deg": float(measures.rms(accel_deg)) if some else None,
         "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
         "bias_settled_s": bias_settled_s(run),
-        **consistency(run, estimated_deg),
+        **consistency(run, error_deg),
         **apart_from_setpoint(run),
     }
 
@@ -78,14 +76,13 @@ def apart_from_setpoint(run: Run) -> dict[str, float | None]:
     return {"setpoint_rmse_deg": float(np.sqrt(np.mean(error_deg * error_deg)))}
 
 
-def consistency(run: Run, estimated_deg: FloatArray) -> dict[str, float | None]:
-    """Mean and spread of the error, and the spread beside the filter's own sigma; {} for a run without scored samples
-    or without truth."""
-    truth_deg, scored = run.inputs.truth["tilt_deg"], run.inputs.scored
-    if not scored.any() or not np.isfinite(truth_deg[scored]).all():
+def consistency(run: Run, error_deg: FloatArray) -> dict[str, float | None]:
+    """Mean and spread of the error over the scored samples, and the spread beside the filter's own sigma; {} for a run
+    without scored samples or without truth."""
+    if not len(error_deg) or not np.isfinite(error_deg).all():
         return {}
-    found = measures.Consistency.of(estimated_deg, truth_deg, scored, run.board_words["p00"], run.params.lsb_deg2)
-    return found.to_metrics()
+    variance = run.board_words["p00"][run.inputs.scored]
+    return measures.Consistency.of_errors(error_deg, variance, run.params.lsb_deg2).to_metrics()
 
 
 def bias_settled_s(run: Run) -> float | None:
@@ -93,8 +90,8 @@ def bias_settled_s(run: Run) -> float | None:
     error_dps = run.board_words["bias_turnps_q28"] * RATE_DPS - run.inputs.truth["bias_dps"]
     if not np.isfinite(error_dps).all():
         return None
-    settled = measures.convergence(error_dps, np.zeros_like(error_dps), run.params.period_s)
-    return settled.time_s if np.isfinite(settled.time_s) else None
+    settled_s = measures.settled_s(error_dps, run.params.period_s)
+    return settled_s if np.isfinite(settled_s) else None
 
 
 def plots(run: Run, *, closed: bool) -> list[Plot]:
