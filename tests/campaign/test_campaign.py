@@ -179,11 +179,26 @@ def test_the_folder_has_the_runs_a_summary_and_a_page(tmp_path: Path, capsys: py
     for part in ("Figures", "Distribution of angle_rmse_deg", "What moves a figure", "plumb run quad --board native"):
         assert part in page, part
     capsys.readouterr()
+    beside = tmp_path / "beside"
     words = ["campaign", "quad", "--runs", "8", "--seconds", "2", "--tuning", "paper", "--against", str(out), "--json"]
-    assert main(words) == 0
+    assert main([*words, "--out", str(beside)]) == 0
+    page = (beside / "report.html").read_text(encoding="utf-8")
+    for part in ("Beside the other campaign", "scenario motion, tuning paper, closed loop, 2 s. An", "not shown"):
+        assert part in page, part
     against = {one["metric"]: one for one in json.loads(capsys.readouterr().out)["against"]}
     assert against["angle_rmse_deg"]["pairs"] == 8 and against["angle_rmse_deg"]["real"]
     assert against["accel_only_rmse_deg"]["difference"] == 0.0 and not against["accel_only_rmse_deg"]["real"]
+
+
+def test_seeds_that_the_other_campaign_does_not_have_are_refused_before_a_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["campaign", "quad", "--runs", "2", "--seconds", "2", "--workers", "1", "--out", str(tmp_path)]) == 0
+    monkeypatch.setattr(batch, "run_one", lambda request: pytest.fail("a run was begun"))
+    capsys.readouterr()
+    words = ["campaign", "quad", "--first-seed", "2000", "--runs", "2", "--workers", "1", "--against", str(tmp_path)]
+    assert main(words) == 2
+    assert "no seed in common" in capsys.readouterr().err
 
 
 def test_runs_is_an_iterator_and_a_table() -> None:

@@ -15,6 +15,8 @@ from plumb.campaign.results import Results
 from plumb.errors import UsageError
 from plumb.proof import intervals
 
+NO_PAIRS = "the campaigns have no seed in common: run both with the same first seed"
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -59,11 +61,17 @@ def pairs(here: Results, other: Results) -> list[tuple[int, int]]:
     return [(place, theirs[key]) for key, place in mine.items() if key in theirs]
 
 
+def check_seeds(seeds: range, other: Results) -> None:
+    """Raises UsageError where a campaign with these seeds, before it is run, has none of the other's."""
+    if not any(int(seed) in seeds for seed in other.seed):
+        raise UsageError(NO_PAIRS)
+
+
 def compare(here: Results, other: Results) -> list[Difference]:
     """Every metric that both have. Raises UsageError for campaigns without a common seed."""
     together = pairs(here, other)
     if not together:
-        raise UsageError("the campaigns have no seed in common: run both with the same first seed")
+        raise UsageError(NO_PAIRS)
     mine, theirs = (np.array(places) for places in zip(*together, strict=True))
     found = []
     for metric in here.metrics:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from plumb.campaign.against import Difference
 from plumb.campaign.results import Results
 from plumb.campaign.statistics import Effect, Figure, Point, worst
 from plumb.campaign.study import Study
@@ -26,6 +27,7 @@ def text(
     figures: Mapping[str, Figure],
     effects: Sequence[Effect],
     points: Sequence[Point],
+    differences: Sequence[Difference],
     said: Sequence[Statement],
     identity: Mapping[str, object],
 ) -> str:
@@ -34,6 +36,7 @@ def text(
     statements = [Statement("runs", f"{done} of {len(results)} were run to their end", done == len(results))]
     statements += said
     parts: list[Plot | XyPlot | Table] = [figure_table(figures)]
+    parts += [difference_table(differences)] if differences else []
     parts += [point_table(points, list(study.limits) or list(figures)[:POINT_FIGURES])] if points else []
     parts += [distribution(name, results.metrics[name]) for name in figures if _spread(results.metrics[name])]
     parts += [effect_table(effects)] if effects else []
@@ -41,8 +44,8 @@ def text(
     parts += [failed_table(study, results)] if results.failed else []
     parts.append(Table("Identity", ["", ""], [(name, value) for name, value in rows(identity)]))
     lead = (
-        f"{len(results)} runs from seed {study.first_seed} on. An interval is the 95 % interval of the mean over all "
-        "seeds (bootstrap); single runs spread wider, as the quantiles show."
+        f"{len(results)} runs from seed {study.first_seed} on: {study.described()}. An interval is the 95 % interval "
+        "of the mean over all seeds (bootstrap); single runs spread wider, as the quantiles show."
     )
     return page(f"Campaign of {study.system}", "", lead, parts, statements)
 
@@ -57,6 +60,20 @@ def figure_table(figures: Mapping[str, Figure]) -> Table:
         for name, one in figures.items()
     ]  # fmt: skip
     return Table("Figures", head, lines)
+
+
+def difference_table(differences: Sequence[Difference]) -> Table:
+    """This campaign and the other one."""
+    head = ["figure", "this campaign", "the other", "difference", "95 % interval", "pairs", "real"]
+    lines = [
+        [
+            one.metric, f"{one.here:.4g}", f"{one.other:.4g}", f"{one.difference:+.4g}",
+            f"{one.low:+.4g} to {one.high:+.4g}", str(one.pairs), "yes" if one.real else "not shown",
+        ]
+        for one in differences
+    ]  # fmt: skip
+    note = "Runs of one seed are a pair. A difference is real when 0 lies outside its interval; else it is not shown."
+    return Table("Beside the other campaign", head, lines, note)
 
 
 def point_table(points: Sequence[Point], shown: Sequence[str]) -> Table:

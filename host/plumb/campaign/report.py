@@ -102,8 +102,9 @@ class Report:
         about = {"identity": self.identity, "study": self.study.to_json(), "study_sha256": self.study.sha256()}
         summary = {**self.to_json(), **about}
         said = [Statement("limit", str(one), None) for one in self.shares]
-        said += [Statement("against the other campaign", str(one), None) for one in self.differences]
-        html = page.text(self.study, self.results, self.figures, self.effects, self.points, said, self.identity)
+        html = page.text(
+            self.study, self.results, self.figures, self.effects, self.points, self.differences, said, self.identity
+        )
         try:
             table: dict[str, str | bytes] = {"runs.parquet": results.parquet_bytes(self.results, about)}
         except UsageError:

@@ -39,6 +39,7 @@ from plumb.near_names import did_you_mean
 from plumb.proof import scenario_run
 from plumb.proof.scenario_run import RunRequest
 from plumb.spec.tuning import AnyTuning
+from plumb.systems.contracts import tuning_for
 
 RUNS, RUNS_MOST = 400, 10_000_000
 RECORDED = ("recording", "grade")
@@ -169,6 +170,23 @@ class Study:
             for name, value in values.items()
             if name.startswith(SETTING)
         }
+
+    def described(self) -> str:
+        """What is run and what varies, for the head of a page."""
+        names = {factor.name for factor in self.vary}
+        if self.recordings_named:
+            said = [] if "recording" in names else [f"recording {self.recording}"]
+        else:
+            known = systems.load(self.system)
+            scenario = self.scenario or known.DEFAULT_SCENARIO
+            said = [] if "scenario" in names else [f"scenario {scenario}"]
+            # the tuning of a scenario that varies is that scenario's own
+            named = self.tuning or ("" if "scenario" in names else tuning_for(known, scenario))
+            said += [f"tuning {named}"] if named and "tuning" not in names else []
+            said += [f"{'open' if self.open_loop or not known.OUTPUTS else 'closed'} loop"]
+        said += [f"{self.seconds:g} s"] if self.seconds is not None else []
+        said += [f"{name} {number:g}" for name, number in self.conditions.items()] + list(self.faults)
+        return ", ".join(said + ([f"varied: {', '.join(factor.name for factor in self.vary)}"] if self.vary else []))
 
     def command(self, index: int) -> str:
         """The command line that repeats run `index`."""

@@ -105,7 +105,7 @@ def check(arguments: argparse.Namespace) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
-    from plumb.campaign import campaign, folder, report
+    from plumb.campaign import against, campaign, folder, report
     from plumb.campaign.batch import identity, run_batch
     from plumb.campaign.results import Results
     from plumb.errors import ExitCode
@@ -113,6 +113,8 @@ def main(arguments: argparse.Namespace) -> int:
 
     study = _study(arguments)
     other = Results(folder.batches_of(arguments.against)) if _known(arguments.against) else None
+    if other is not None:
+        against.check_seeds(range(study.seed(0), study.seed(study.runs - 1) + 1), other)
     if arguments.only is not None:
         found = Results([run_batch(study, range(arguments.only, arguments.only + 1))])
     else:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from plumb.proof import metrics as measures
@@ -20,7 +18,7 @@ from plumb.proof.report import (
     of_band,
 )
 from plumb.proof.runs import Run
-from plumb.spec.arrays import BoolArray, FloatArray
+from plumb.spec.arrays import FloatArray
 from plumb.systems.quad.scenarios import OFFSET_G
 
 TURN_DEG = 360.0 / 2.0**32
