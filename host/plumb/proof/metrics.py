@@ -64,9 +64,7 @@ class Consistency:
         cls, estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray, variance_lsb: npt.ArrayLike, lsb: float
     ) -> Consistency:
         """variance_lsb: the filter's variance after each step; lsb: one of it in deg^2. All (steps,)."""
-        return cls.of_errors(
-            wrap_deg(estimate_deg[window] - truth_deg[window]), np.asarray(variance_lsb)[window], lsb
-        )
+        return cls.of_errors(wrap_deg(estimate_deg[window] - truth_deg[window]), np.asarray(variance_lsb)[window], lsb)
 
     @classmethod
     def of_errors(cls, error_deg: FloatArray, variance_lsb: npt.NDArray[np.int64], lsb: float) -> Consistency:
