@@ -53,13 +53,13 @@ def _end_with_parent() -> None:
 def _without_script() -> Iterator[None]:
     """A spawned process imports the script that the user runs, and a script without a guard would begin its campaign
     again in every worker. A batch needs nothing of it: while processes begin, the script has no file."""
-    script = sys.modules["__main__"].__dict__
-    kept = {name: script.pop(name) for name in ("__file__", "__spec__") if name in script}
+    script: dict[str, object] = sys.modules["__main__"].__dict__
+    kept: dict[str, object] = {name: script.pop(name) for name in ("__file__", "__spec__") if name in script}
     script["__spec__"] = None
     try:
         yield
     finally:
-        script.update({"__spec__": None, **kept})
+        script.update(kept)
 
 
 def in_processes(study: Study, tasks: Sequence[Task], workers: int) -> Iterator[tuple[int, Batch]]:
