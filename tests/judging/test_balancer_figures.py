@@ -88,6 +88,7 @@ def test_the_sources_filter_stands_beside_and_falls_short(ridden: Rows, scenario
     assert {row.sense for row in (fitted, same, rule)} == {"beside"} and {row.reach for row in (same, rule)} == {0.0}
     wheel = ridden["tilt error", scenario, "paper_rule_wheel"]
     assert wheel.sense == "beside" and own < wheel.reached < rule.reached, "its runs scatter: shown, and not judged"
+    # 1.27 and 1.29 times what is asked, over seeds 1000 to 1039; beyond 1.4 it would be another filter.
     assert own < asked_deg < fitted.reached < same.reached < rule.reached < 1.4 * asked_deg
     assert ridden["corrected rate", scenario, "arctan"].sense == "shown"
 
@@ -136,6 +137,7 @@ def test_what_the_raw_rate_is_expected_to_be(ridden: Rows) -> None:
         these = ridden["raw rate of these seeds", scenario, "-"]
         assert these.sense == "beside" and abs(these.reached - mean) < 2.5 * scatter / np.sqrt(40)
         corrected = ridden["corrected rate", scenario, "tuned"]
+        # 0.38 of 1.4 deg/s: the noise of 0.38 deg/s is left, the bias is gone.
         assert corrected.gyro_only == these.reached and corrected.reached < 0.3 * these.reached
 
 
@@ -144,6 +146,7 @@ def test_noise_of_10_deg_before_the_filter_is_below_1_5_after_it(rocked: Rows, t
     before, after = rocked["before the filter", "rocked", "-"], rocked["after the filter", "rocked", tuning]
     assert before.source == "+-10 deg" and 9.0 < before.reached < 13.0, "or it is another experiment"
     assert after.source == "+-5 deg" and after.reach == 5.0 and after.met
+    # 1.1 deg is reached, the paper claims 5; below 0.5 its noise of 10 deg would be missing.
     assert after.worst is not None and 0.5 < after.reached < after.worst < 1.5
 
 
@@ -155,11 +158,14 @@ def test_the_closed_loop_stays_up_and_float64_is_no_better() -> None:
             rows[claim, scenario, "tuned"] for claim in ("closed loop", "stays up: largest tilt of any run")
         )
         assert error.met and lowest < error.reached and error.reference is not None
+        # The same noise, other rounding: the loop amplifies it until a push hides it.
         assert error.reached == pytest.approx(error.reference, rel=0.05)
+        # The speed loop asks for a lean of 8 deg at most, the largest push adds 2; twice that is allowed.
         assert leaned.met and 3.0 < leaned.reached < 12.0 and leaned.reference == pytest.approx(leaned.reached, rel=0.1)
         follows, settled = (
             rows[claim, scenario, "tuned"] for claim in ("velocity asked for minus velocity", "the same")
         )
+        # Half of the largest command, 0.6 m/s: above it the vehicle would not follow.
         assert follows.sense == settled.sense == "shown" and settled.reached < follows.reached < 0.3
     assert {row.reach for row in rows.values() if row.sense != "shown"} == {0.55, 0.48, 20.0}
 
@@ -168,6 +174,7 @@ def test_the_closed_loop_stays_up_and_float64_is_no_better() -> None:
 def test_ten_minutes_under_pushes() -> None:
     rows = keyed(balancer_figures.endured_rows([1000]))
     error, leaned = rows["ten minutes", "endure", "tuned"], rows["stays up: largest tilt of any run", "endure", "tuned"]
+    # with a fifth of this vibration, on `smooth`, 0.2 deg are left: or it is another ride
     assert error.met and error.reached > 0.2 and error.reach == 0.55
     assert leaned.met and 5.0 < leaned.reached < 12.0, "the commands alone make it lean so far"
     assert balancer.SECONDS["endure"] == 600.0
@@ -178,9 +185,11 @@ def test_a_vehicle_that_falls_is_noticed() -> None:
     from dataclasses import replace
 
     wrong = replace(balancer.TUNED, drive=replace(balancer.TUNED.drive, span=-balancer.TUNED.drive.span))
+    # It lies at 85 deg, and stays there.
     assert balance(Integers(wrong), "rough", 1000, 8.0).tilt_max_deg > 80.0
     for controller in (Integers(balancer.TUNED), Float64(balancer.TUNED)):
         run = balance(controller, "rough", 1000, 40.0)
+        # 8 deg is the largest lean that is asked for; 3.3 are seen, and 0.11 m/s of a command of up to 0.6.
         assert run.tilt_max_deg < 10.0 and 0.01 < run.velocity_rms_mps < 0.25
 
 
@@ -193,6 +202,7 @@ def test_a_command_counts_as_settled_5_s_behind_it() -> None:
 
 def test_the_vehicle_follows_its_command_better_once_it_is_settled() -> None:
     run = balance(Integers(balancer.TUNED), "rough", 1000, 40.0)
+    # 0.11 m/s is seen of commands of up to 0.6; above 0.25 it would not follow.
     assert 0.01 < run.settled_rms_mps < run.velocity_rms_mps < 0.25
 
 
@@ -209,8 +219,10 @@ def test_a_push_tips_it_and_it_comes_back() -> None:
         inputs = runs.closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED)).inputs
         tilt[size] = inputs.truth["tilt_deg"]
     pushed = slice(500, 540)
+    # A push of 6 m/s^2 is 12 rad/s^2 for 0.15 s: 7.7 deg were nothing done against it; 1.9 and 2.2 are seen.
     assert 1.0 < np.max(tilt[6.0][pushed] - tilt[0.0][pushed]) < 5.0
     assert 1.0 < np.max(tilt[0.0][pushed] - tilt[-6.0][pushed]) < 5.0
+    # Back to the noise of the balance: 0.8 deg at most are seen 2.4 s later.
     assert np.max(np.abs(tilt[6.0][-50:])) < 1.5 and np.max(np.abs(tilt[-6.0][-50:])) < 1.5
 
 
@@ -229,6 +241,7 @@ def test_the_flash_image_stays_up(link: str, capsys: pytest.CaptureFixture[str])
     found = summary["metrics"]
     assert summary["verdict"] == "pass" and summary["steps"] == 2500 and summary["loop"] == "closed"
     assert found["target_vs_fixed_mismatches"] == 0 and found["fallen_steps"] == 0
+    # 8 deg of lean and twice the 2 of a push; 0.55 deg is what is asked of the closed loop.
     assert 1.0 < found["tilt_max_deg"] < 12.0 and found["angle_rmse_deg"] < 0.55
 
 
@@ -247,4 +260,5 @@ def test_the_complementary_filter_falls_short_of_the_kalman_filter() -> None:
     for row in balancer_figures.blended_rows(range(1000, 1004)):
         batch = Batch.of(row.scenario, range(1000, 1004))
         tilt, _ = balancer_figures._estimate(batch, "tuned", "tilt error", "shown", 0.0)
+        # 0.53 of it in both scenarios; half the error is the claim, with the scatter of four seeds.
         assert tilt.reached < 0.7 * row.reached < 0.7

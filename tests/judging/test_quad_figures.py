@@ -66,12 +66,14 @@ def test_tilt_errors(
 
 def test_the_filter_takes_75_percent_off_the_accelerometers_error(estimator: Rows) -> None:
     row = estimator[("motion", "trapezium", "%")]
+    # 75 % is asked, 81 is reached; 86 would be 0.34 deg on this motion, less than any tuning gets.
     assert row.met and 80.0 <= row.reached < 86.0
 
 
 def test_r_that_adapts_beats_the_best_constant_r(estimator: Rows) -> None:
     """0.7 to 0.97 deg is what a constant R gives; the source's arcsine of one axis does worse than both axes."""
     constant, adaptive = estimator[("motion", "constant", "deg rms")], estimator[("motion", "adaptive", "deg rms")]
+    # Adaptive: 0.73 of the best constant R on these seeds; the gain is what the variance is measured for.
     assert 0.68 < constant.reached < 0.97 and adaptive.reached < 0.75 * constant.reached
     assert estimator[("motion", "paper_arcsine", "deg rms")].reached > estimator[("motion", "paper", "deg rms")].reached
 
@@ -88,8 +90,11 @@ def test_the_mean_of_two_samples_is_better_on_both_scenarios(estimator: Rows) ->
     period late, `adaptive` is behind on both."""
     reached = {key[:2]: row.reached for key, row in estimator.items() if key[2] == "deg rms"}
     fitted, shipped = reached["quiet", "quiet_fitted"], reached["quiet", "trapezium"]
+    # 2 % behind the fitted set, and 0.68 of `adaptive`.
     assert fitted < shipped < 1.1 * fitted and shipped < 0.75 * reached["quiet", "adaptive"]
+    # 0.87: half a period of lag is 0.3 deg of the fastest swing, and adds as a square.
     assert reached["motion", "trapezium"] < 0.9 * reached["motion", "adaptive"]
+    # 3.3 times: without trust in |a| the bursts of 0.3 g, 17 deg each, come through.
     assert reached["motion", "quiet_fitted"] > 3.0 * reached["motion", "trapezium"]
 
 
@@ -101,6 +106,7 @@ def test_the_shipped_tuning_states_its_own_error(estimator: Rows) -> None:
         row = estimator[scenario, "trapezium", "times"]
         assert least <= row.reached <= most and row.reach == most
         assert row.low is not None and row.high is not None and row.low < row.reached < row.high
+    # 5.4 times: the lag of half a period is not in its sigma.
     assert estimator["motion", "adaptive", "times"].reached > 3.0
     assert estimator["quiet", "trapezium", "deg"].reached == pytest.approx(
         np.degrees(quad.OFFSET_G) * np.sqrt(2.0 / np.pi), rel=0.6
@@ -123,8 +129,10 @@ def test_the_bias_converges_within_half_a_second(convergence: Rows) -> None:
     assert paper.reached == pytest.approx(1.5, rel=0.05), "the source's own figure, or the scenario is another"
     for tuning in ("adaptive", "trapezium", "fast_start"):
         row = convergence[("converge", tuning, "s, median")]
+        # 0.5 s is asked of the median; a single seed of 40 may take three times as long (1.0 s is seen).
         assert row.met and 0.3 < row.reached <= 0.5 and row.worst is not None and row.worst < 1.5
     after = convergence[("converge", "trapezium", "deg max")]
+    # 2 deg is asked; the noise of 0.5 deg through the gain of the start is more than 0.1.
     assert after.met and 0.1 < after.reached <= 2.0
 
 
@@ -155,6 +163,7 @@ def test_the_loop_survives_20_ms_of_further_delay(hold: dict[str, Figure]) -> No
 def test_float64_in_the_loop_does_no_better(hold: dict[str, Figure]) -> None:
     for claim in ("20 deg disturbance, back within 2 deg", "holds, from 2 s after"):
         row = hold[claim]
+        # Both loops see the same noise: what differs is rounding, amplified by the loop for a while.
         assert row.reached == pytest.approx(row.reference, rel=0.02)
 
 

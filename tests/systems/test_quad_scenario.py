@@ -69,12 +69,15 @@ def test_motion_has_the_published_amplitudes(runs: list[Scenario]) -> None:
     tilt_deg = runs[0].tilt_deg()
     assert np.array_equal(tilt_deg, runs[1].tilt_deg()), "the motion is prescribed, the same for every seed"
     assert np.max(np.abs(tilt_deg[runs[0].time_s < 4.5])) < 1e-5, "at rest first"
+    # 15 + 8 + 10 deg is 33; the smoothing takes a little off, and the three seldom add up whole.
     assert 28.0 < np.max(np.abs(tilt_deg)) < 33.0
     bias = np.stack([run.bias_dps for run in runs])
+    # U(-2, 2) over the seeds, and the first step of the walk.
     assert np.max(np.abs(bias[:, 0])) <= 2.01 and np.max(np.abs(bias[:, 0])) > 1.5
     late = np.abs(bias[:, -1] - bias[:, 0])
     assert late.mean() == pytest.approx(3.0 * (1.0 - np.exp(-1.2)), abs=0.03)
     lateral = np.stack([run.lateral_g for run in runs])
+    # One burst is 0.3 g, two that meet are 0.6; the vibration of 0.03 g rms adds five times that at most.
     assert 0.25 < np.max(np.abs(lateral)) < 0.75
 
 
@@ -98,6 +101,7 @@ def test_the_sensors_err_as_stated(runs: list[Scenario], engineering: np.ndarray
     bias = np.stack([run.bias_dps for run in runs], axis=-1)
     slope = np.sum((engineering[0] - bias) * rate, axis=0) / np.sum(rate * rate, axis=0)
     assert slope == pytest.approx(np.array([run.scale for run in runs]), abs=3e-3)
+    # 1 % of scale error, drawn for each seed.
     assert 0.007 < float(np.sqrt(np.mean((slope - 1.0) ** 2))) < 0.014
 
 
@@ -136,6 +140,7 @@ def test_the_hand_lets_go_and_the_motors_turn_the_axis() -> None:
         off.advance_to(time_s, (0.0, 0.0))
         if time_s < 3.0:
             assert up.tilt_deg == down.tilt_deg == 0.0
+    # The hand lets go at rest: whatever is beyond 10 deg is the motors' work.
     assert up.tilt_deg > 10.0 and down.tilt_deg < -10.0 and abs(off.tilt_deg) < 10.0
     assert up.speed[0] == pytest.approx(0.7, abs=0.01) and off.speed == (0.0, 0.0)
     up.advance_to(10.55, (1700.0, 1300.0))
