@@ -27,7 +27,6 @@ test: ## everything that has to hold before a change lands: style, C tests, sani
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native
 	@$(MAKE) --no-print-directory -j2 --output-sync=target check-style sanitize
-	@$(SIZE) --against previous
 	@$(MAKE) --no-print-directory c-tests
 	$(PYTEST)
 
