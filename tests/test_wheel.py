@@ -17,7 +17,9 @@ from pathlib import Path
 import pytest
 
 from plumb.cockpit.page_server import ASSETS
+from plumb.spec import declarations
 from plumb.version import FALLBACK
+from support.declared_systems import without_output
 from support.wheel import IMAGE, NEEDS_IMAGE, VECTORS, Built, built_wheel, run, users_environment
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -60,14 +62,14 @@ def test_demo_passes_and_says_that_qemu_is_not_there(built: Built, tmp_path: Pat
     assert "without qemu: qemu-system-arm is not installed" in done.stderr
     summary = json.loads((tmp_path / "out" / "demo" / "summary.json").read_text())
     assert summary["verdict"] == "pass" and set(summary["golden"]) == {"native", "virtual", "virtual, CAN"}
-    assert [row["vectors"] for row in summary["golden"].values()] == [6, 5, 5]
+    assert [row["vectors"] for row in summary["golden"].values()] == [len(VECTORS), *2 * [len(VECTORS) - 1]]
     assert summary["golden_left_out"] == {"qemu": "qemu-system-arm is not installed"}
     assert (tmp_path / "out" / "demo" / "report.html").is_file()
 
 
 def test_golden_check_passes_with_either_image(built: Built, tmp_path: Path) -> None:
     boards = ["--board", "native", "--board", "virtual"]
-    for chosen in (["--system", "phone"], ["--image", "quad", "--system", "quad"]):
+    for chosen in (["--system", without_output()], ["--image", "quad", "--system", "quad"]):
         done = built.plumb("golden", "check", *boards, *chosen, cwd=tmp_path)
         assert done.returncode == 0 and done.stdout.endswith("pass\n"), done.stdout + done.stderr
 
@@ -119,7 +121,7 @@ def test_doctor_names_image_commit_and_systems(built: Built, tmp_path: Path) -> 
     found = {finding["what"]: finding for finding in json.loads(done.stdout)["findings"]}
     assert done.returncode == 0
     detail = found["flash image"]["detail"]
-    assert str(built.environment) in detail and "quad, balancer, turntable, phone" in detail
+    assert str(built.environment) in detail and ", ".join(declarations.names()) in detail
     assert re.search(r"commit [0-9a-f]{16}\+?, ", detail) and re.search(r"SHA-256 [0-9a-f]{64}$", detail)
 
 
@@ -142,7 +144,7 @@ def test_without_images_one_sentence_says_what_is_missing(built: Built, tmp_path
         "--board",
         "virtual",
         "--system",
-        "phone",
+        without_output(),
     ]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 2

@@ -14,6 +14,7 @@ from plumb.errors import UsageError
 from plumb.kernels.reference.kernels import kalman_init, kalman_step
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Kalman, Start
+from support.declared_systems import without_group
 
 pytest.importorskip("scipy", reason="scipy is not installed: the extra tune")
 
@@ -132,5 +133,6 @@ def test_what_cannot_be_tuned_is_refused(tmp_path: Path) -> None:
     path = recording(tmp_path)
     with pytest.raises(UsageError, match="no tuning 'gold'"):
         filter_inputs.inputs_of(path, "quad", "gold", "x", None, None)
-    with pytest.raises(UsageError, match="phone has no one-axis filter"):
-        filter_inputs.inputs_of(path, "phone", None, "x", None, None)
+    other = without_group("pid")
+    with pytest.raises(UsageError, match=f"{other} has no one-axis filter"):
+        filter_inputs.inputs_of(path, other, None, "x", None, None)

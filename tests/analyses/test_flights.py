@@ -185,8 +185,8 @@ def test_flights_are_chosen_by_name() -> None:
     assert "hover-10-min" not in inputs.chosen(()) and inputs.chosen(["hover-10-min"]) == ["hover-10-min"]
     with pytest.raises(UsageError, match=r"^there is no flight 'loop'; there are calm-centred, "):
         inputs.chosen(["loop"])
-    with pytest.raises(UsageError, match=r"^no algorithm 'phone' flies; there are VQF, BasicVQF, Mahony, "):
-        estimators(["phone"])
+    with pytest.raises(UsageError, match=r"^no algorithm 'quad' flies; there are VQF, BasicVQF, Mahony, "):
+        estimators(["quad"])
     assert FLIGHTS["calm-place"].grade is MPU6050
 
 

@@ -13,6 +13,7 @@ from plumb.spec import declarations, parameters
 from plumb.spec.arrays import FloatArray
 from plumb.systems import run_fixed
 from plumb.tuning.channels import counts_of
+from support.declared_systems import of_declared
 
 G = 9.80665
 PERIOD_S = 0.01
@@ -38,7 +39,7 @@ def angle_of(system: str, estimate: plumb.Estimate) -> FloatArray:
     return estimate.pitch_rad if system == "phone" else estimate.tilt_rad
 
 
-@pytest.mark.parametrize(("system", "axis"), [("quad", "x"), ("balancer", "y"), ("phone", "y")])
+@pytest.mark.parametrize(("system", "axis"), of_declared([("quad", "x"), ("balancer", "y"), ("phone", "y")]))
 @pytest.mark.parametrize("ranges", [(500.0, 4.0), (None, None)])
 def test_follows_a_motion_about_its_axis(system: str, axis: str, ranges: tuple[float | None, float | None]) -> None:
     angle, rate = rocking()
@@ -69,7 +70,7 @@ def test_a_row_of_nan_is_no_sample_where_samples_are_marked() -> None:
     assert (raw[3, :3] == -32768).all() and (raw[[2, 4], :3] != -32768).all() and (raw[3, 3:] == 0).all()
 
 
-@pytest.mark.parametrize("system", ["quad", "balancer", "phone"])
+@pytest.mark.parametrize("system", of_declared(["quad", "balancer", "phone"]))
 def test_steps_equal_a_run_and_the_integer_model(system: str) -> None:
     angle, rate = rocking(200)
     gyr, acc = body("y", angle, rate)

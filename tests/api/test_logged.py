@@ -11,6 +11,7 @@ import pytest
 
 import plumb
 from plumb import __main__ as front
+from plumb import systems
 from plumb.inputs.log_file import Frames
 from plumb.spec.protocol import protocol
 from support.recordings import GAINS, recorded_run, with_frames
@@ -61,7 +62,13 @@ def test_a_replay_is_that_of_the_log(log: Path) -> None:
     result = run.replay()
     assert result.verdict == "pass" and result.bit_exact and result.steps == run.known
     assert run.replay("quad", seconds=0.2).steps == 10
-    for wrong in ({"system": "phone"}, {"axis": "y"}, {"period_s": 0.01}, {"seconds": "long"}, {"board": 3}):
+    for wrong in (
+        {"system": systems.with_part("replay")[-1]},
+        {"axis": "y"},
+        {"period_s": 0.01},
+        {"seconds": "long"},
+        {"board": 3},
+    ):
         with pytest.raises(plumb.UsageError):
             run.replay(**wrong)
 

@@ -19,6 +19,7 @@ from plumb.campaign.campaign import Where
 from plumb.campaign.results import Results
 from plumb.campaign.study import Study, from_table
 from plumb.errors import UsageError
+from support.declared_systems import without_output
 
 STUDY = {"system": "quad", "runs": 24, "seconds": 2, "vary": {"scenario": ["motion", "quiet"]}}
 
@@ -202,11 +203,12 @@ def test_seeds_that_the_other_campaign_does_not_have_are_refused_before_a_run(
 
 
 def test_runs_is_an_iterator_and_a_table() -> None:
-    runs = plumb.runs("phone", runs=4, seconds=4, workers=1)
+    system = without_output()
+    runs = plumb.runs(system, runs=4, seconds=4, workers=1)
     seen = [row["seed"] for row in runs]
     table = runs.table()
     assert sorted(seen) == [1000, 1001, 1002, 1003] == table["seed"].tolist() and len(runs) == 4
-    alone = plumb.run("phone", seed=1002, seconds=4)
+    alone = plumb.run(system, seed=1002, seconds=4)
     assert table["digest"][2] == batch.digest_of(alone.words)
     assert table["angle_rmse_deg"][2] == pytest.approx(alone.metrics["angle_rmse_deg"])
     assert runs.figures["angle_rmse_deg"]["mean"] == pytest.approx(table["angle_rmse_deg"].mean())

@@ -18,6 +18,7 @@ from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
 from plumb.systems.quad.scenarios import scenario
 from plumb.tuning.pose_calibration import Pose, Residual
+from support.declared_systems import without_part
 from support.native_board import NativeBoard
 
 SEED = 1003
@@ -163,5 +164,6 @@ def test_wrong_use(arguments: list[str], said: str, answers: Path, capsys: pytes
 
 
 def test_a_system_without_poses_is_named() -> None:
-    with pytest.raises(UsageError, match=r"phone has no poses\.py: no poses are declared"):
-        open_held("native", "phone", SEED)
+    name = without_part("poses")
+    with pytest.raises(UsageError, match=rf"{name} has no poses\.py: no poses are declared"):
+        open_held("native", name, SEED)

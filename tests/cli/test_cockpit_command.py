@@ -13,6 +13,7 @@ import aiohttp
 import pytest
 
 from plumb import __main__ as front
+from support.declared_systems import lacking
 
 PATIENCE_S = 60.0
 
@@ -52,7 +53,7 @@ def test_a_page_of_the_virtual_board_turns_green_and_ctrl_c_ends_it(tmp_path: Pa
         (["--board", "virtual", "--port", "70000"], "--port 70000"),
         (["--board", "virtual", "--seconds", "0"], "--seconds 0"),
         (["--board", "virtual", "--scenario", "nowhere"], "nowhere"),
-        (["--board", "virtual", "--system", "phone"], "phone has no pins.py"),
+        *((["--board", "virtual", "--system", name], f"{name} has no pins.py") for name in lacking("pins")),
     ],
 )
 def test_wrong_use_is_one_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:

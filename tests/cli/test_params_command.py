@@ -20,6 +20,7 @@ from plumb.link.identity import Identity, identity_of
 from plumb.link.session import Session
 from plumb.spec import declarations, parameter_file, parameters
 from plumb.spec.units import meaning
+from support.declared_systems import of_declared, without_outputs
 from support.native_board import NativeBoard
 from support.params_command import in_use, params
 
@@ -267,7 +268,9 @@ def test_no_shipped_tuning_is_doubted(board: NativeBoard, capsys: pytest.Capture
     assert f"({declarations.system(system).period}): its angles will be wrong" in err
 
 
-@pytest.mark.parametrize(("system", "pins"), [("quad", 0), ("balancer", 1), ("turntable", 1), ("phone", 1)])
+@pytest.mark.parametrize(
+    ("system", "pins"), of_declared([("quad", 0), ("balancer", 1), *((name, 1) for name in without_outputs())])
+)
 def test_a_tuning_brings_the_pins_of_what_the_system_moves(
     board: NativeBoard, capsys: pytest.CaptureFixture[str], system: str, pins: int
 ) -> None:

@@ -9,11 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from plumb import systems
 from plumb.files import places
 from plumb.link import parameter_history
 from plumb.spec import parameters
 from support.native_board import NativeBoard
 from support.params_command import in_use, params
+
+OTHER = next(name for name in systems.SYSTEMS if name != "quad")
+"""A system that the board is not."""
 
 DEFAULTS = {row.name: row.default for row in parameters.table()}
 Capture = pytest.CaptureFixture[str]
@@ -144,14 +148,14 @@ def test_a_profile_is_a_name_for_a_whole_table(board: NativeBoard, capsys: Captu
     params(capsys, "set", "pid.kp=0.05")
     windy = in_use(board)
     assert params(capsys, "profile", "save", "windy")[0] == 0
-    params(capsys, "tuning", "phone")
-    phone = in_use(board)
+    params(capsys, "tuning", OTHER)
+    other = in_use(board)
     assert params(capsys, "profile", "list")[1] == "  windy\n"
     code, _, err = params(capsys, "profile", "use", "windy")
     assert (code, err) == (0, "") and in_use(board) == windy
     _, out, _ = params(capsys, "profile", "list", "--json")
     assert json.loads(out) == {"board": "000000012222222233333333", "profiles": ["windy"], "in_use": ["windy"]}
-    assert params(capsys, "undo")[0] == 0 and in_use(board) == phone
+    assert params(capsys, "undo")[0] == 0 and in_use(board) == other
 
 
 def test_a_profile_belongs_to_one_board(board: NativeBoard, capsys: Capture) -> None:
@@ -242,7 +246,7 @@ def test_a_text_that_was_not_edited_changes_nothing(
         ("text = text.replace('pid.kp = 0.045', 'pid.kp = nan')", "give a finite number"),
         ("text = text.replace('pid.kp', 'pid.kpp')", "there is no parameter 'pid.kpp' in units; did you mean"),
         ("text = text.replace('pid.kp', 'kp = 1\\npid.kp')", "pid.kp is there twice"),
-        ("text = text.replace('\"quad\"', '\"phone\"')", "is for 'phone', the board is a quad"),
+        (f"text = text.replace('\"quad\"', '\"{OTHER}\"')", f"is for '{OTHER}', the board is a quad"),
         ("text = text.replace('arm_hold_ms = 1000', 'arm_hold_ms = ' + '9' * 5000)", "is no TOML file"),
         ("text = text.replace('arm_hold_ms = 1000', 'arm_hold_ms = 0.5')", "give a whole number"),
         ("text += '\"\\\\u001b[2J\" = 1'", r"there is no parameter '\x1b[2J'"),

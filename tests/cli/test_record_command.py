@@ -30,6 +30,7 @@ from plumb.spec import dbc, declarations
 from plumb.spec.parameters import table
 from plumb.spec.protocol import protocol
 from plumb.tuning.quantise import quantise
+from support.declared_systems import of_declared
 from support.native_board import NativeBoard
 
 WAIT_S = 60.0
@@ -92,15 +93,17 @@ def test_a_recording_has_every_frame_and_a_row_with_time_for_every_step(
 
 @pytest.mark.parametrize(
     ("system", "frames", "columns"),
-    [
-        (
-            "phone",
-            ("PHONE_ANGLE", "PHONE_BIAS", "PHONE_ROLL", "PHONE_ROLL_BIAS"),
-            ("tilt_deg", "bias_dps", "roll_deg", "roll_bias_dps"),
-        ),
-        ("turntable", ("TURNTABLE_ATTITUDE_W", "TURNTABLE_ATTITUDE_Z"), ("w", "z", "rate_z_dps")),
-        ("balancer", ("BALANCER_ANGLE", "BALANCER_DRIVE"), ("tilt_deg", "duty", "velocity_mps")),
-    ],
+    of_declared(
+        [
+            (
+                "phone",
+                ("PHONE_ANGLE", "PHONE_BIAS", "PHONE_ROLL", "PHONE_ROLL_BIAS"),
+                ("tilt_deg", "bias_dps", "roll_deg", "roll_bias_dps"),
+            ),
+            ("turntable", ("TURNTABLE_ATTITUDE_W", "TURNTABLE_ATTITUDE_Z"), ("w", "z", "rate_z_dps")),
+            ("balancer", ("BALANCER_ANGLE", "BALANCER_DRIVE"), ("tilt_deg", "duty", "velocity_mps")),
+        ]
+    ),
 )
 def test_every_system_s_values_have_columns_of_their_own(
     board: NativeBoard, session: Session, tmp_path: Path, system: str, frames: tuple[str, ...], columns: tuple[str, ...]

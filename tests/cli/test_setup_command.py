@@ -23,6 +23,7 @@ from plumb.link.discovery import Answer, Candidate
 from plumb.link.identity import Identity
 from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
+from support.declared_systems import without_part
 from support.native_board import NativeBoard
 
 
@@ -105,8 +106,9 @@ def test_an_image_without_a_system_that_has_poses_is_named(
     board: NativeBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unasked = argparse.Namespace(system=None, image=None, seed=1)
-    monkeypatch.setattr(Identity, "systems", ("phone",))
-    with pytest.raises(UsageError, match="has only phone, which plumb cannot calibrate: plumb flash --image all"):
+    name = without_part("poses")
+    monkeypatch.setattr(Identity, "systems", (name,))
+    with pytest.raises(UsageError, match=f"has only {name}, which plumb cannot calibrate: plumb flash --image all"):
         setup.open_board("serial:memory", unasked, Answers(answers(tmp_path)))
 
 

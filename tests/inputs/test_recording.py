@@ -19,6 +19,7 @@ from plumb.inputs import recording
 from plumb.inputs.recording import G_MPS2
 from plumb.systems.quad.scenarios import TUNINGS
 from plumb.tuning.quantise import quantise
+from support.declared_systems import of_declared
 
 AXES = ("x", "y", "z")
 LEVEL = {"x": (0.0, 0.0, 1.0), "y": (0.0, 0.0, 1.0), "z": (0.0, 1.0, 0.0)}
@@ -266,7 +267,7 @@ def test_blocks_have_the_mean_and_the_mark_of_their_last_sample(tmp_path: Path) 
         recording.decimated(replace(whole, time_s=whole.time_s[:11]), 6)
 
 
-@pytest.mark.parametrize("system", ["quad", "phone", "attitude"])
+@pytest.mark.parametrize("system", of_declared(["quad", "phone", "attitude"]))
 def test_replay_decimates_as_compare_does(tmp_path: Path, system: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Half a second of a sensor of 200 Hz is 100 steps of 5 ms, 33 of 15 ms, 16 of 30 ms."""
     path = saved(tmp_path, turning("x", seconds=4.0))
@@ -283,7 +284,7 @@ def test_replay_decimates_as_compare_does(tmp_path: Path, system: str, capsys: p
         assert "a period of 30000 us is outside 1000 to 21000 us; resample with" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("system", ["quad", "phone", "attitude"])
+@pytest.mark.parametrize("system", of_declared(["quad", "phone", "attitude"]))
 def test_what_cannot_be_decimated_is_one_sentence(
     tmp_path: Path, system: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -342,7 +343,7 @@ def test_datagrams_are_not_decimated_and_a_log_s_options_are_refused(
 ) -> None:
     path = tmp_path / "walk.txt"
     path.write_text("of some app\n")
-    assert front.main(["replay", str(path), "--system", "phone", "--board", "native", "--decimate", "3"]) == 2
+    assert front.main(["replay", str(path), "--board", "native", "--decimate", "3"]) == 2
     assert "--decimate is for recordings in .npz and .csv" in capsys.readouterr().err
     units = str(saved(tmp_path, turning("x")))
     table = tmp_path / "table.toml"

@@ -15,6 +15,7 @@ from plumb import systems
 from plumb.boards.contract import Answer
 from plumb.boards.native import NativeBoard
 from plumb.proof import confirmed
+from support.declared_systems import without_output
 
 
 @pytest.mark.slow
@@ -44,6 +45,8 @@ class Wrong(NativeBoard):
 
 
 def test_a_board_that_differs_is_not_confirmed() -> None:
-    rows = list(confirmed.confirm(Wrong(), "phone", seconds=4.0))
+    name = without_output()
+    steps = round(4.0e6 / systems.load(name).PERIOD_US)
+    rows = list(confirmed.confirm(Wrong(), name, seconds=4.0))
     assert rows and {row.differ for row in rows} == {1}
-    assert "1 of 400 steps differ" in str(rows[0])
+    assert f"1 of {steps} steps differ" in str(rows[0])

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any, TypeVar
+
 import pytest
 
 from plumb import systems
+from plumb.tuning.quantise import groups_of
+
+Row = TypeVar("Row", bound="str | tuple[Any, ...]")  # Any: what a test says of a system
 
 
 def lacking(part: str) -> list[str]:
@@ -18,7 +24,23 @@ def without_part(part: str) -> str:
     return found[-1] if found else pytest.skip(f"every declared system has {part}.py")
 
 
+def without_group(group: str) -> str:
+    """A system that reads no parameters of that group; the test is left out where every system does."""
+    found = [name for name in systems.SYSTEMS if group not in groups_of(name)]
+    return found[-1] if found else pytest.skip(f"every declared system has the group {group}")
+
+
+def of_declared(rows: Iterable[Row]) -> list[Row]:
+    """Of rows that say something of one system each, whose name comes first, those of systems that are declared."""
+    return [row for row in rows if (row if isinstance(row, str) else row[0]) in systems.SYSTEMS]
+
+
+def without_outputs() -> list[str]:
+    """The systems that drive nothing."""
+    return [name for name in systems.SYSTEMS if not systems.load(name).OUTPUT_FRAMES]
+
+
 def without_output() -> str:
     """A system that drives nothing; the test is left out where every system drives something."""
-    found = [name for name in systems.SYSTEMS if not systems.load(name).OUTPUT_FRAMES]
+    found = without_outputs()
     return found[-1] if found else pytest.skip("every declared system drives something")

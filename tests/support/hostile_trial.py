@@ -16,7 +16,7 @@ CPU_S = 120.0
 """Of this process, for one file. The largest has 3 MiB, whose reading may cost 20 s twice on this machine; without
 limits each of several kinds takes hours, so that the bound need not be close."""
 MEMORY_BYTES = 1500 << 20
-"""More of this process for all files of a format: the largest result is that of 2^20 steps of a phone, 500 MiB."""
+"""More of this process for all files of a format: the largest result is that of 2^20 steps, 500 MiB."""
 
 
 def try_block(path: Path, block: int, make: Callable[[int], bytes], read: Callable[[Path], object]) -> None:

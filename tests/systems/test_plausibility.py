@@ -18,6 +18,7 @@ from plumb.errors import UsageError
 from plumb.spec.records import RECORDS, Words
 from plumb.systems.contracts import tuning_for
 from plumb.tuning.quantise import quantise
+from support.declared_systems import without_outputs
 
 ACCEL, INNOVATION, RATE = 1, 2, 4
 SETTLING, MOVING, CONVERGING, SETPOINT, TILTED = 1, 2, 4, 8, 16
@@ -209,7 +210,7 @@ def test_an_accelerometer_that_turns_is_noticed_whenever_it_turns(tuning: str) -
         assert failed[begin:].any() and (int(np.flatnonzero(failed[begin:])[0]) + 1) * period_us <= 320_000, begin
 
 
-@pytest.mark.parametrize("system", ["turntable", "phone"])
+@pytest.mark.parametrize("system", without_outputs())
 def test_of_what_moves_nothing_nothing_is_checked(system: str) -> None:
     own = systems.load(system)
     params = quantise(own.TUNINGS[own.DEFAULT_TUNING])

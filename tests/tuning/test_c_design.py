@@ -24,9 +24,10 @@ from plumb.errors import SettingError, UsageError
 from plumb.tuning.quantise import ControlParams, groups_of, quantise
 from support import c_design
 from support.campaigns import campaign
+from support.declared_systems import of_declared
 
 ROOT = Path(__file__).resolve().parents[2]
-SYSTEMS = ("quad", "balancer", "turntable", "phone")
+SYSTEMS = tuple(of_declared(["quad", "balancer", "turntable", "phone"]))
 WIDE = re.compile(r"(.*)_hi$")
 
 
