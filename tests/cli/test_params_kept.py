@@ -13,11 +13,12 @@ from plumb import systems
 from plumb.files import places
 from plumb.link import parameter_history
 from plumb.spec import parameters
+from support.declared_systems import without_outputs
 from support.native_board import NativeBoard
 from support.params_command import in_use, params
 
-OTHER = next(name for name in systems.SYSTEMS if name != "quad")
-"""A system that the board is not."""
+OTHER = [*(name for name in systems.SYSTEMS if name != "quad"), *without_outputs()][-1]
+"""A system that the board is not; one that leaves the wiring as it is where there is one."""
 
 DEFAULTS = {row.name: row.default for row in parameters.table()}
 Capture = pytest.CaptureFixture[str]

@@ -338,13 +338,7 @@ def test_the_program_that_converts_a_recording_does(tmp_path: Path, capsys: pyte
     assert said["metrics"]["angle_rmse_deg"] < 1.0
 
 
-def test_datagrams_are_not_decimated_and_a_log_s_options_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "walk.txt"
-    path.write_text("of some app\n")
-    assert front.main(["replay", str(path), "--board", "native", "--decimate", "3"]) == 2
-    assert "--decimate is for recordings in .npz and .csv" in capsys.readouterr().err
+def test_options_of_a_log_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     units = str(saved(tmp_path, turning("x")))
     table = tmp_path / "table.toml"
     table.touch()

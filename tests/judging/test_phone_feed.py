@@ -28,40 +28,13 @@ from plumb.errors import LinkError, UsageError
 from plumb.judging.phone.inputs import live_run, udp
 from plumb.systems.phone import scenarios as phone
 from plumb.tuning.quantise import ControlParams
+from support.phone_datagrams import SECONDS, run_of, sensagram, sensorstream
 
 IMAGE = Path(__file__).parents[2] / "build/stm32f103/plumb_qemu.elf"
 needs_qemu = pytest.mark.skipif(
     shutil.which(qemu.PROGRAM) is None or not IMAGE.is_file(),
     reason="qemu-system-arm or its image is missing: apt install qemu-system-arm, make image",
 )
-G = 9.80665
-SECONDS = 12.0
-
-
-def run_of(seed: int = 8) -> phone.Scenario:
-    return phone.scenario("general", seed, seconds=SECONDS)
-
-
-def sensagram(run: phone.Scenario, begin_s: float = 5000.0) -> list[bytes]:
-    """One event a datagram; the accelerometer 3 ms after the gyro."""
-    found = []
-    for k, time_s in enumerate(run.time_s.tolist()):
-        for sensor, delay_s, values in (
-            ("gyroscope", 0.0, np.radians(run.sensed_dps[:, k])),
-            ("accelerometer", 0.003, run.sensed_g[:, k] * G),
-        ):
-            event = {"type": f"android.sensor.{sensor}", "timestamp": round((begin_s + time_s + delay_s) * 1e9)}
-            found.append(json.dumps({**event, "values": [round(float(v), 7) for v in values]}).encode())
-    return found
-
-
-def sensorstream(run: phone.Scenario) -> list[bytes]:
-    """All sensors in one datagram, the magnetometer too."""
-    rows = zip(run.time_s, (run.sensed_g * G).T, np.radians(run.sensed_dps).T, strict=True)
-    return [
-        f"{1e5 + t:.5f}, 3, {a[0]:.5f},{a[1]:.5f},{a[2]:.5f}, 4, {w[0]:.6f},{w[1]:.6f},{w[2]:.6f}, 5, 21,-5,38".encode()
-        for t, a, w in rows
-    ]
 
 
 class Sender(threading.Thread):
@@ -498,19 +471,6 @@ def test_the_command_feeds_saves_reports_and_the_file_runs_again(
     assert int(rows[600].split(",")[at]) * 360.0 / 2**32 == pytest.approx(live["pitch_deg"], abs=1e-3)
 
 
-def test_a_recording_with_a_reference_is_scored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The file's quaternion says where up is; the estimate is scored against it where the file says movement."""
-    run = run_of()
-    x, y, z = run.vertical
-    quat = np.stack([1.0 + z, y, -x, np.zeros_like(x)], 1)  # the shortest turn that takes z to the vertical's place
-    path = tmp_path / "walk.npz"
-    np.savez(path, gyr=np.radians(run.sensed_dps.T), acc=run.sensed_g.T * G, rate_hz=100.0, ref_quat=quat)
-    assert front.main(["replay", str(path), "--system", "phone", "--board", "native", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer["verdict"] == "pass" and answer["scored_steps"] > 1000
-    assert answer["metrics"]["angle_rmse_deg"] < 1.0 < answer["metrics"]["accel_only_rmse_deg"]
-
-
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [
@@ -540,22 +500,3 @@ def test_wrong_use_is_one_sentence(arguments: list[str], code: int, capsys: pyte
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == (2 if "--wait" in arguments and code == 3 else 1)
     assert "Errno" not in lines[-1]
-
-
-def test_a_file_that_makes_no_step_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "udp.txt"
-    path.write_text("A, 1, 1384532190123, 0.1, 0.2, 9.8\nA, 2, 1384532190133, 0.1, 0.2, 9.8\n")
-    assert front.main(["replay", str(path), "--system", "phone", "--board", "native"]) == 2
-    assert "no gyroscope" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "option", [("--period-us", "0"), ("--seconds", "0"), ("--seconds", "nan"), ("--seconds", "-1")]
-)
-def test_a_file_is_replayed_only_at_a_period_and_for_a_time_that_can_be(
-    option: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "walk.txt"
-    path.write_bytes(b"\n".join(sensorstream(run_of())[:200]))
-    assert front.main(["replay", str(path), "--system", "phone", "--board", "native", *option]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
