@@ -98,6 +98,7 @@ def test_a_grade_adds_what_its_title_says() -> None:
         [np.hypot(1.0, 1.0), np.hypot(1.0, 0.7), np.hypot(1.0, 0.7)], rel=0.12
     )
     noise_g = np.std(cheap[0].acc_g - fast.acc_g)
+    # A standard deviation over thousands of samples scatters by one percent; five times that.
     assert noise_g == pytest.approx(400e-6 * np.sqrt(HZ / 2.0), rel=0.05)
 
 
@@ -121,6 +122,7 @@ def test_the_accelerometer_of_a_grade_has_offset_scale_and_misalignment() -> Non
     offsets = np.array([GRADES["accel-errors"].of(falling, seed).acc_g[0] for seed in range(400)])
     assert np.linalg.norm(offsets, axis=1) == pytest.approx(np.full(400, 0.03))
     at_1g = np.array([GRADES["accel-errors"].of(level, seed).acc_g[0] for seed in range(400)]) - offsets - [0, 0, 1]
+    # A standard deviation over 400 seeds scatters by (2 * 400) ** -0.5, 3.5 %: three times that and a half.
     assert np.std(at_1g, axis=0) == pytest.approx([0.005, 0.005, 0.02], rel=0.12)
     assert np.array_equal(GRADES["accel-errors"].of(level, 1).gyr_dps, level.gyr_dps)
     assert GRADES["gravity-low"].of(level, 0).acc_g[0] == pytest.approx([0.0, 0.0, 0.97])
@@ -131,6 +133,7 @@ def test_declared_missing_samples_are_held_and_marked() -> None:
     for name, share in (("missing-0.1", 0.001), ("missing-1", 0.01), ("missing-10", 0.1)):
         assert GRADES[name].seeds == (1, 2, 3)
         (samples,) = GRADES[name].samples(motion, 1, 1)
+        # At a share of 0.1 % some twenty samples are missing: they scatter by a fifth, and 2.5 times that is allowed.
         assert np.mean(samples.missing) == pytest.approx(share, rel=0.5) and not samples.missing[0]
         lost = np.flatnonzero(samples.missing)
         assert np.array_equal(samples.counts[lost], samples.counts[lost - 1])
@@ -138,6 +141,7 @@ def test_declared_missing_samples_are_held_and_marked() -> None:
         kept = ~samples.missing
         assert np.array_equal(samples.marked[kept], sampled(motion, SIXTEEN_BITS, 1).counts[kept])
     (third,) = GRADES["missing-10"].samples(motion, 1, 3)  # samples are lost at the rate at which they are taken
+    # Some hundreds are missing: they scatter by less than a tenth, and twice that is allowed.
     assert np.mean(third.missing) == pytest.approx(0.1, rel=0.2) and len(third.missing) == len(motion.gyr_dps) // 3
 
 
@@ -251,4 +255,5 @@ def test_published_errors_are_those_of_an_independent_evaluation() -> None:
     published = contenders(["VQF", "BasicVQF", "Madgwick", "Mahony"])
     (result,) = compare([of_recordings([motion], grades.AS_RECORDED, 1)], published, lambda: None)
     for row in result.rows:
+        # Half of the last digit that the evaluation prints.
         assert row.rmse_deg == pytest.approx(known[row.algorithm], abs=0.005), row

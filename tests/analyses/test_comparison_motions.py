@@ -77,8 +77,10 @@ def test_vibration_has_its_size_and_turns_nothing_for_good() -> None:
     on = motion.movement
     for values, size in ((shaken, motions.SHAKE_G), (motion.gyr_dps, motions.SHAKE_DPS)):
         rms = np.sqrt(np.mean(np.sum(values[on] ** 2, axis=1)))
+        # Not a whole number of periods; the last one is a percent of the run.
         assert rms == pytest.approx(size * left / np.sqrt(2.0), rel=0.01)
         assert np.max(np.abs(values[: np.argmax(on)])) < 1e-6
+    # 0.10 deg is the swing that this rate of vibration is: rate over 2 pi f; a drift would add to it in 60 s.
     assert float(np.max(error_deg(motion.up, np.broadcast_to(motion.up[0], motion.up.shape)))) < 0.2
 
 

@@ -71,9 +71,13 @@ def test_known_variances_are_recovered_within_their_confidence() -> None:
 
 def test_the_filter_is_consistent_afterwards_and_was_not_before() -> None:
     fit = likelihood.fit(measured(3, 2500), Variances(1e-4, 1e-8, 0.1))
+    # or the start was no bad one: NIS 6.2, 56 % inside are seen; 1 and 95 % are right.
     assert fit.before.mean_nis > 4.0 and fit.before.inside < 0.8 and fit.before.whiteness < 1e-3
+    # The mean of 2,300 squares of unit normals scatters by (2 / 2300) ** 0.5, 3 %, less what is fitted: 0.999.
     assert fit.after.mean_nis == pytest.approx(1.0, abs=0.02)
+    # Of 2,300 the share scatters by 0.0045: three times that; white is what a test at 1 % does not refuse.
     assert fit.after.inside == pytest.approx(0.95, abs=0.015) and fit.after.whiteness > 0.01
+    # Of log-likelihood: 4,000 are seen, 2 are significant.
     assert fit.gain > 100.0
 
 
@@ -102,6 +106,7 @@ def test_a_recording_in_a_file_gives_the_same(tmp_path: Path) -> None:
     inputs = filter_inputs.inputs_of(recording(tmp_path), "quad", None, "x", None, None)
     fit = likelihood.fit(inputs.measured, inputs.start)
     assert (inputs.tuning_name, inputs.tuning.period_us) == ("recording", 10_000)
+    # A variance of 2,500 samples scatters by 3 %: three times that.
     assert fit.variances.r_deg2 == pytest.approx(TRUE.r_deg2, rel=0.1)
     assert filter_page.useful(inputs, fit) and not filter_page.warnings(inputs, fit)
     before, after = (filter_page.tilt_rmse_deg(inputs, one) for one in (fit.before, fit.after))
