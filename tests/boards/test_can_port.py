@@ -264,6 +264,7 @@ def test_a_short_bus_off_costs_time_and_no_frame(board: Board) -> None:
     board.say("CLOSE", 0, 0)
     board.hello()
     counters = [words for name, words in board.heard(200_000) if name == "COUNTERS"]
+    # 96 is the warning limit of a CAN controller (RM0008, EWGF of CAN_ESR).
     assert counters[-1]["dropped"] == 0 and board.machine.can.tec < 96
 
 
@@ -291,6 +292,7 @@ def test_a_few_errors_cost_repetitions_and_nothing_else(board: Board) -> None:
     assert identity == [*range(len(identity) - 1), 65535]
     board.say("PARAM_GET", 0, 0)
     assert "PARAM_VALUE" in names(board.heard())
+    # 96 is the warning limit of a CAN controller (RM0008, EWGF of CAN_ESR).
     assert board.machine.can.tec < 96 and board.machine.can.rec < 96
 
 

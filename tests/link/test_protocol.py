@@ -218,6 +218,7 @@ def test_periodic_telemetry_only_while_open(board: NativeBoard) -> None:
     board.run_us(1_000_000)
     identifiers = [identifier for identifier, _ in SlcanParser().feed(board.heard())]
     count = {name: identifiers.count(protocol()[name].identifier) for name in PERIODIC}
+    # TIME comes every 50 ms and the others every 100, in one second: one more or less at each end.
     assert 18 <= count["TIME"] <= 21
     assert all(9 <= count[name] <= 11 for name in PERIODIC[1:])
     board.say(b"C\r")
