@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import html
+
 import numpy as np
 import pytest
 
 from plumb.boards import native_core
 from plumb.boards.contract import Answer
+from plumb.judging.turntable import figures as turntable_figures
 from plumb.judging.turntable import plots
-from plumb.proof import runs
+from plumb.proof import runs, xy_plot
 from plumb.proof.report import Plot
 from plumb.proof.runs import Run
 from plumb.systems.contracts import fitted
@@ -55,3 +58,13 @@ def test_the_page_says_where_there_is_no_variance() -> None:
     assert all(line.band is None for line in found["Error of the corrected rate"].lines)
     for title in ("Error of the corrected rate", "Residual of the attitude"):
         assert "No band:" in found[title].note
+
+
+def test_the_spread_over_runs_names_its_curves() -> None:
+    plot = turntable_figures.spread_plot(range(1000, 1003))
+    fused, undone, claim = plot.curves
+    assert np.all(np.diff(fused.y) >= 0.0) and len(fused.y) == len(undone.y) == 3
+    assert claim.y.tolist() == [turntable_figures.PATENT_MEAN] * 2
+    svg = xy_plot.plot_svg(plot)
+    for curve in plot.curves:
+        assert f"fill:{curve.colour}" in svg and html.escape(curve.label) in svg, "a legend"

@@ -17,9 +17,10 @@ from typing import Literal, Protocol
 import numpy as np
 
 from plumb import systems
-from plumb.proof import intervals
+from plumb.proof import intervals, xy_plot
 from plumb.proof.limits import RMS, Limit, Limits, measured
 from plumb.proof.report import Plot, plot_svg, write_whole
+from plumb.proof.xy_plot import XyPlot
 from plumb.spec.arrays import FloatArray
 from plumb.spec.system_parts import Part
 
@@ -118,8 +119,9 @@ class FigureSections(Protocol):
         file limits.toml."""
 
     @property
-    def PLOTS(self) -> Mapping[str, Callable[[], Sequence[Plot]]]:
-        """Name -> function that gives the panels of a figure of the source, reproduced; {}: the source has none."""
+    def PLOTS(self) -> Mapping[str, Callable[[], Sequence[Plot] | XyPlot]]:
+        """Name -> function that draws a figure of the system's page: panels over time, as those of the source are, or one
+        over another quantity; {}: there is none."""
 
 
 FIGURES = Part[FigureSections](
@@ -177,7 +179,8 @@ def write_plots(name: str, folder: Path) -> list[Path]:
     written = []
     part = _part(name)
     for plot, panels in part.PLOTS.items() if part is not None else ():
-        svg = plot_svg(*panels())
+        drawn = panels()
+        svg = xy_plot.plot_svg(drawn) if isinstance(drawn, XyPlot) else plot_svg(*drawn)
         written.append(folder / f"{name}_{plot}.svg")
         write_whole(folder, {written[-1].name: svg + "\n"})
     return written

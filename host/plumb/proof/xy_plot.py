@@ -200,9 +200,19 @@ def plot_svg(plot: XyPlot) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT + TITLE}" role="img" '
         f'aria-label="{words}" style="background:#fff"><style>{STYLE}</style>'
-        f'<text class="h" x="{LEFT}" y="20">{html.escape(plot.title)}</text>'
+        f'<text class="h" x="{LEFT}" y="20">{html.escape(plot.title)}</text>{_legend(plot)}'
         f'<g transform="translate(0,{TITLE})">{drawn}</g></svg>'
     )
+
+
+def _legend(plot: XyPlot) -> str:
+    """What the curves are, in their colours, right of the title; "" for one curve, and where points have names."""
+    if len(plot.curves) < 2 or any(curve.names for curve in plot.curves):
+        return ""
+    said = "".join(
+        f'<tspan dx="14" style="fill:{curve.colour}">{html.escape(curve.label)}</tspan>' for curve in plot.curves
+    )
+    return f'<text x="{LEFT + COLUMNS - 20}" y="20" style="text-anchor:end">{said}</text>'
 
 
 def described(plot: XyPlot) -> str:

@@ -23,6 +23,7 @@ from plumb.proof import intervals
 from plumb.proof.figures import UNASKED, Figure, Sense
 from plumb.proof.limits import Limit
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot
+from plumb.proof.xy_plot import Axis, Curve, XyPlot
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.turntable import reference as reference_turntable
@@ -398,8 +399,30 @@ def loss_plots(seed: int = 1000) -> list[Plot]:
     return panels
 
 
-PLOTS: dict[str, Callable[[], list[Plot]]] = {
+def spread_plot(seeds: Iterable[int] = range(1000, 1000 + TOGETHER)) -> XyPlot:
+    """By how much fusion is better than the gyro alone, run by run: each run has drawn scales of its own."""
+    batch = Batch.of("motion", seeds)
+    share = 100.0 * (np.arange(len(batch.runs)) + 0.5) / len(batch.runs)
+    curves = []
+    for label, found, colour in (
+        ("data layer", batch.integers("data"), ESTIMATE),
+        ("gyro alone, lag undone", batch.lag_undone(), SECOND),
+    ):
+        below = np.sort(100.0 * (1.0 - found.mean / batch.gyro.mean))
+        curves.append(Curve(label, share, below, colour, points=True))
+    asked = np.array([PATENT_MEAN, PATENT_MEAN])
+    curves.append(Curve("the patent's claim", np.array([0.0, 100.0]), asked, SENSOR, dashed=True))
+    return XyPlot(
+        f"Mean residual below the gyro alone, {len(batch.runs)} runs",
+        Axis("share of the runs (%)", low=0.0, high=100.0),
+        Axis("below the gyro (%)"),
+        curves,
+    )
+
+
+PLOTS: dict[str, Callable[[], list[Plot] | XyPlot]] = {
     "residuals": residual_plots,
+    "spread": spread_plot,
     "untrimmed": lambda: residual_plots("untrimmed", "untrimmed"),
     "loss": loss_plots,
 }
