@@ -120,8 +120,8 @@ class FigureSections(Protocol):
 
     @property
     def PLOTS(self) -> Mapping[str, Callable[[], Sequence[Plot] | XyPlot]]:
-        """Name -> function that draws a figure of the system's page: panels over time, as those of the source are, or one
-        over another quantity; {}: there is none."""
+        """Name -> function that draws a figure of the system's page: panels over time, as the source's are, or one over
+        another quantity; {}: there is none."""
 
 
 FIGURES = Part[FigureSections](
