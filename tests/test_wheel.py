@@ -108,10 +108,10 @@ def test_a_strict_type_checker_takes_the_program_of_a_user(
     program.write_text(TYPED)
     said = subprocess.run([*command, program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stdout + said.stderr
-    for what, line in MISTYPED.items():
-        program.write_text(f"import plumb\n\n{line}\n")
-        said = subprocess.run([*command, program], cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert said.returncode == 1 and "program.py:3: error" in said.stdout, (what, said.stdout)
+    program.write_text("\n".join(["import plumb", *MISTYPED.values(), ""]))
+    said = subprocess.run([*command, program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    for number, what in enumerate(MISTYPED, 2):
+        assert said.returncode == 1 and f"program.py:{number}: error" in said.stdout, (what, said.stdout)
     program.write_text(TYPED)
     run(python, program)
 

@@ -50,12 +50,13 @@ class Plumb:
         return done
 
 
-def build(source: Path, target: Path, python: Path, *options: str) -> tuple[Path, Path]:
-    """The native core and the flash image of the sources. The core without optimisation, which builds twice as fast."""
+def build(source: Path, target: Path, python: Path, *options: str, image: str = "") -> tuple[Path, Path]:
+    """The native core and the flash image of the sources. The core without optimisation, which builds twice as fast.
+    image: the systems of the image, where they are fewer than those of the core."""
     chip = f"-DCMAKE_TOOLCHAIN_FILE={source}/firmware/ports/stm32f103/toolchain.cmake"
     for name, own in (
         ("native", ["-DPLUMB_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug"]),
-        ("image", [chip, "-DCMAKE_BUILD_TYPE=Image"]),
+        ("image", [chip, "-DCMAKE_BUILD_TYPE=Image", *([f"-DPLUMB_SYSTEMS={image}"] if image else [])]),
     ):
         configure: list[str | Path] = [
             "cmake",
@@ -156,7 +157,7 @@ def without_quad(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
     found = os.pathsep.join([str(copy / "host"), *site.getsitepackages()])
     python.write_text(f'#!/bin/sh\nPYTHONPATH="{found}" exec "{sys.executable}" -S "$@"\n')
     python.chmod(0o755)
-    core, image = build(copy, folder / "build", python)
+    core, image = build(copy, folder / "build", python, image="balancer")
     return Plumb(python, core, image, {})
 
 

@@ -40,6 +40,7 @@ from plumb.systems.quad import scenarios as quad
 from plumb.systems.turntable import pins as turntable_pins
 from plumb.systems.turntable import scenarios as turntable
 from plumb.tuning.quantise import QUANTISER
+from support.declared_systems import without_part
 
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy"
 PARTS: list[Part[object]] = [
@@ -118,7 +119,7 @@ def test_a_command_says_in_one_sentence_what_a_system_lacks(tmp_path: Path) -> N
 
 
 def test_a_plant_without_pins_is_refused_before_it_is_coupled() -> None:
-    name = next(name for name in systems.SYSTEMS if name not in systems.with_part("pins"))
+    name = without_part("pins")
     own = systems.load(name)
     with pytest.raises(UsageError, match="no sensors of its own"):
         coupler(name, own.plant(own.scenario(own.DEFAULT_SCENARIO, 1, seconds=4.0)))
