@@ -9,8 +9,8 @@
 #include <string.h>
 
 #define STATES_MAX 8192U
-/* Under the sanitizers, where a state costs five times as much, the second cut is made in every seventh state: there it is
- * about the memory that the code touches, which the state changes little. */
+/* Under the sanitizers, where a state costs five times as much, the second cut is made in every seventh
+ * state: there it is about the memory that the code touches, which the state changes little. */
 #ifdef __SANITIZE_ADDRESS__
 #define STATES_STEP 7U
 #else

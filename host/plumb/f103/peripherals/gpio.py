@@ -20,6 +20,10 @@ LSE_PINS = (14, 15)
 """Pins of port C that belong to the 32 kHz crystal while RCC_BDCR.LSEON is set."""
 
 
+FLOATING = 4
+"""CNF:MODE of a floating input, which reset leaves."""
+
+
 class Gpio(Peripheral):
     """One port. `outside[n]`: level at which pin n is driven from outside; None: not driven."""
 
@@ -95,7 +99,13 @@ class Gpio(Peripheral):
         self._changed()
 
     def read_idr(self) -> int:
-        return sum(1 << pin for pin in range(16) if not self.is_analog(pin) and self.level(pin))
+        found = 0
+        for pin, outside in enumerate(self.outside):
+            mode = self.mode(pin)
+            # an analog pin reads 0, and so does a floating input that nothing drives high; these are nearly all
+            if mode and (outside or mode != FLOATING) and self.level(pin):
+                found |= 1 << pin
+        return found
 
     def write_bsrr(self, value: int) -> None:
         self.odr = (self.odr & ~(value >> 16) | value) & 0xFFFF
