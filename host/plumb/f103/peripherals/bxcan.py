@@ -30,6 +30,8 @@ TEST_MODES = 3 << 30
 """Of BTR: silent and loop back."""
 IDLE_BITS = 11
 RECOVERY_BITS = 128 * 11
+TME = 7 << 26
+"""Of TSR: all mailboxes are empty."""
 TSR_CLEAR = {n: (1 << 8 * n, 0x0F << 8 * n) for n in range(MAILBOXES)}
 """Of each mailbox: its bit RQCP, and the bits that clearing RQCP clears."""
 
@@ -346,9 +348,11 @@ class Bxcan(Peripheral):
 
     def read_tsr(self) -> int:
         boxes = self.mailbox
-        empty = [n for n in range(MAILBOXES) if not boxes[n].pending]
-        value = self.results | sum(1 << 26 + n for n in empty)
         waiting = [n for n in range(MAILBOXES) if boxes[n].pending]
+        if not waiting:  # nearly always
+            return self.results | TME
+        empty = [n for n in range(MAILBOXES) if n not in waiting]
+        value = self.results | sum(1 << 26 + n for n in empty)
         last = max(
             waiting, key=lambda n: (boxes[n].order if self.mcr & TXFP else boxes[n].frame().urgency[0], n), default=0
         )
