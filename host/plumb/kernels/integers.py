@@ -53,3 +53,8 @@ def clz32(x: Integer) -> Integer:
 def mulhi_u32(a: Integer, b: Integer) -> Integer:
     """(a * b) >> 32 of two unsigned 32-bit values, with intermediate results that fit int64."""
     return (a * (b >> 16) + ((a * (b & 0xFFFF)) >> 16)) >> 16
+
+
+def mul(a: Integer, b: Integer) -> Integer:
+    """Floor of a * b / 2^32, of two signed 32-bit values."""
+    return (a * b) >> 32

@@ -11,13 +11,12 @@ from collections.abc import Sequence
 from plumb.kernels.fixed import mounting, validity
 from plumb.kernels.fixed.kernels import Params, calibrate
 from plumb.kernels.fixed.mounting import mount
-from plumb.kernels.integers import Integer, clamp, select, wrap_i32
+from plumb.kernels.integers import Integer, clamp, mul, select, wrap_i32
 from plumb.systems.attitude.fixed_covariance import (
     AXES,
     HORIZONTAL,
     VARIANCE_MAX_Q32,
     VELOCITY_MAX_Q28,
-    mul,
     sat32,
 )
 from plumb.systems.attitude.fixed_gaps import (

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.trig import reciprocal
-from plumb.kernels.integers import Integer, clamp, clz32, select, wrap_i32, wrap_u32
+from plumb.kernels.integers import Integer, clamp, clz32, mul, select, wrap_i32, wrap_u32
 from plumb.systems.attitude.fixed_state import CELL, STATES, TILT, ControlState
 
 AXES, HORIZONTAL, COUPLED = range(3), range(2), range(6)
@@ -15,10 +15,6 @@ INNOVATION_MAX_Q28 = (1 << 28) - 1
 GAIN_MAX_Q28 = (1 << 31) - 1
 VELOCITY_MAX_Q28 = (1 << 30) - 1
 GATE = 25
-
-
-def mul(a: Integer, b: Integer) -> Integer:
-    return (a * b) >> 32
 
 
 def near(a: Integer, b: Integer) -> Integer:

@@ -6,8 +6,8 @@ The functions have the names of docs/reference/arithmetic/attitude.md.
 from __future__ import annotations
 
 from plumb.kernels.fixed.kernels import Params
-from plumb.kernels.integers import Integer, clamp, select
-from plumb.systems.attitude.fixed_covariance import AXES, VARIANCE_MAX_Q32, mul
+from plumb.kernels.integers import Integer, clamp, mul, select
+from plumb.systems.attitude.fixed_covariance import AXES, VARIANCE_MAX_Q32
 from plumb.systems.attitude.fixed_state import ACCEL_CLIPPED, GYRO_CLIPPED, ControlState, in_runs
 from plumb.systems.attitude.fixed_turns import turn_body
 

@@ -10,7 +10,7 @@ from functools import partial
 
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.quaternion import ONE_Q30
-from plumb.kernels.integers import Integer, clamp, select, wrap_i32, wrap_u32
+from plumb.kernels.integers import Integer, clamp, mul, select, wrap_i32, wrap_u32
 from plumb.systems.attitude.fixed_covariance import (
     AXES,
     HORIZONTAL,
@@ -20,7 +20,6 @@ from plumb.systems.attitude.fixed_covariance import (
     cov,
     grow_tilt,
     grow_velocity,
-    mul,
     near,
     sat32,
     shrink,

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 
 from plumb.kernels.fixed.quaternion import ONE_Q30
 from plumb.kernels.fixed.trig import length, reciprocal
-from plumb.kernels.integers import Integer, clamp, clz32, select, wrap_i32
-from plumb.systems.attitude.fixed_covariance import mul
+from plumb.kernels.integers import Integer, clamp, clz32, mul, select, wrap_i32
 from plumb.systems.attitude.fixed_state import ControlState
 
 I32 = (1 << 31) - 1

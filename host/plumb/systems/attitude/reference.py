@@ -212,6 +212,20 @@ class Model:
         x.growth[VELOCITIES] = (VELOCITY_ADDED_G2S2 if jumped else sums.velocity_added_g2s2) / VELOCITY_UNIT_GS**2
         x.left = CORRECTS
 
+    def advanced(self, x: Filter, samples: Samples, begin: int, end: int) -> tuple[Filter, FloatArray]:
+        """The state after these steps of a block, and the attitude after each of them (n, 4)."""
+        closes = x.block_step + end - begin == self.steps
+        if closes and samples.missing[end - 2]:  # the last step of a block takes no sample after a gap
+            samples.miss(end - 1)
+        attitudes = self.summed(x, samples.part(begin, end))
+        x.block_step += end - begin
+        if not x.bridged:
+            x = self.taken_up(x)
+        if closes:
+            self.closed(x)
+        attitudes[-1] = x.attitude
+        return x, attitudes
+
     def taken_up(self, x: Filter) -> Filter:
         """The state after a step that does what is left of the last block."""
         if x.left == JUDGES:
@@ -370,16 +384,8 @@ def one_run(tuning: AttitudeTuning, counts: FloatArray, thrust: FloatArray) -> F
     begin, known = 0, known_of(x)
     while begin < len(counts):
         last = begin + model.steps - x.block_step - 1
-        if last < len(counts) and samples.missing[last - 1]:  # the last step of a block takes no sample after a gap
-            samples.miss(last)
         end = min(begin + 1 if x.left else last + 1, len(counts))
-        attitudes = model.summed(x, samples.part(begin, end))
-        x.block_step += end - begin
-        if not x.bridged:
-            x = model.taken_up(x)
-        if x.block_step == model.steps:
-            model.closed(x)
-        attitudes[-1] = x.attitude
+        x, attitudes = model.advanced(x, samples, begin, end)
         found[begin:end, :4], found[begin:end, 4:7] = attitudes, matrices(attitudes)[:, 2]
         found[begin : end - 1, 7:] = known
         found[end - 1, 7:] = known = known_of(x)
