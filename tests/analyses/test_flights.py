@@ -11,13 +11,14 @@ import numpy.typing as npt
 import pytest
 
 from plumb import __main__ as front
-from plumb.analyses.flights import inputs, pilots
-from plumb.analyses.flights.cascade import Cascade
+from plumb.analyses.flights import inputs
 from plumb.analyses.flights.estimators import Estimator, Flown, estimators
 from plumb.analyses.flights.flights import FLIGHTS, Flight
 from plumb.analyses.flights.fly import Flew, fly
 from plumb.errors import UsageError
+from plumb.physics import pilots
 from plumb.physics.airframe import AIRFRAMES, HUMMINGBIRD, Airframe, thrust_share
+from plumb.physics.cascade import Cascade
 from plumb.physics.imu import MPU6050, ImuGrade
 from plumb.spec.arrays import FloatArray
 

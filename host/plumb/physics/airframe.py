@@ -9,7 +9,7 @@ makes. Axes of the body: x to the front, y to the left, z up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,6 +63,16 @@ class Airframe:
         """Rotor drag by mass in a hover, 1/s: a slow horizontal speed decays with it."""
         return 4.0 * self.rotor_drag_kg * self.hover_radps / self.mass_kg
 
+    def turned(self, angle_rad: float) -> Airframe:
+        """The same frame with the axes of the body turned about z by -angle, so that its rotors turn by +angle. Only
+        for frames whose inertias about x and y are equal."""
+        assert self.inertia_kgm2[0] == self.inertia_kgm2[1], "its axes of inertia would not be the body's"
+        sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
+        first, second, third, fourth = (
+            (float(x * cosine - y * sine), float(x * sine + y * cosine), z) for x, y, z in self.rotors_m
+        )
+        return replace(self, rotors_m=(first, second, third, fourth))
+
     def allocation(self) -> FloatArray:
         """Thrusts of the rotors in N to total thrust in N and torque about x, y, z in N m, (4, 4)."""
         x, y, _ = np.array(self.rotors_m).T
@@ -96,6 +106,8 @@ IRIS = Airframe(
     leg_out_m=0.15,
     leg_down_m=0.1,
 )
+HUMMINGBIRD_X = HUMMINGBIRD.turned(-np.pi / 4.0)
+"""The hummingbird flown as an X: its rotors front right, front left, rear left, rear right."""
 AIRFRAMES = {"hummingbird": HUMMINGBIRD, "iris": IRIS}
 
 THRUST_SQUARE, THRUST_LINEAR = 0.6, 0.4

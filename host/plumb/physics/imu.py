@@ -60,13 +60,16 @@ class Imu:
         per_sample = np.sqrt(0.5 / period_s)
         self._gyro_noise, self._accel_noise = grade.gyro_noise_dps * per_sample, grade.accel_noise_g * per_sample
 
+    def bias_now_dps(self, time_s: float) -> FloatArray:
+        """Bias of the gyro, (3, runs); time_s: since power came."""
+        return np.asarray(self.bias_dps - self._warm_up_dps * np.expm1(-time_s / WARM_UP_S))
+
     def counts(
         self, time_s: float, rate_dps: FloatArray, force_g: FloatArray, white: FloatArray
     ) -> npt.NDArray[np.int16]:
         """Of the mean rate and specific force since the sample before, (3, runs); time_s: since power came; white: unit
         noise, (6, runs). -> (runs, 6)."""
-        bias = self.bias_dps - self._warm_up_dps * np.expm1(-time_s / WARM_UP_S)
-        rate = (self._matrix * rate_dps).sum(axis=1) + bias + self._gyro_noise * white[:3]
+        rate = (self._matrix * rate_dps).sum(axis=1) + self.bias_now_dps(time_s) + self._gyro_noise * white[:3]
         force = force_g + self._offset_g + self._accel_noise * white[3:]
         found = np.empty((rate.shape[1], 6), np.int16)
         for part, values, channel in ((0, rate, self.grade.gyro), (3, force, self.grade.accel)):

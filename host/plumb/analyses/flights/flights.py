@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from plumb.analyses.flights import pilots
+from plumb.physics import pilots
 from plumb.physics.airframe import HUMMINGBIRD, IRIS, Airframe
 from plumb.physics.imu import MPU6050, TWO_CHIPS, ImuGrade
 

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plumb.analyses.flights import pilots
-from plumb.analyses.flights.cascade import Cascade
 from plumb.analyses.flights.estimators import Estimator, Flown
 from plumb.analyses.flights.flights import (
     CLIMB_M,
@@ -27,7 +25,9 @@ from plumb.analyses.flights.flights import (
     SINK_MPS,
     Flight,
 )
+from plumb.physics import pilots
 from plumb.physics.airframe import G_MPS2, command_for
+from plumb.physics.cascade import Cascade
 from plumb.physics.ground import Ground
 from plumb.physics.imu import DRAWS, Imu
 from plumb.physics.quadrotor import Quadrotor

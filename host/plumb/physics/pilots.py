@@ -19,6 +19,8 @@ Lean = tuple[FloatArray, FloatArray, FloatArray]
 """Roll and pitch in rad (nose and right side down are positive), and yaw rate in rad/s, (runs,) each."""
 Pilot = Callable[["Seen"], Lean]
 
+DEG = np.pi / 180.0
+"""1 deg in rad."""
 SEEN_LATE_S, LEAN_MAX_RAD = 0.2, np.radians(20.0)
 PLACE_PER_S2, SPEED_PER_S, PLACE_SUM_PER_S3 = 0.5, 1.1, 0.06
 STICKS_DEG, STICKS_EVERY_S = 35.0, 0.7
