@@ -195,7 +195,7 @@ def closed_loop_inputs(
 
     plant, stepper = systems.load(params.system).plant(scenario), board.stepper(params)
     declared = declarations.system(params.system)
-    raw, setpoint = np.zeros((scenario.steps, declared.inputs), np.int16), scenario.setpoint()
+    raw, setpoint = np.zeros((scenario.steps, declared.inputs), np.int16), np.zeros(scenario.steps, np.int32)
     truth: list[dict[str, float]] = []
     digests = np.zeros(scenario.steps, np.uint32)
     outputs: dict[str, int] = {}
@@ -205,6 +205,7 @@ def closed_loop_inputs(
         plant.follow(time_s, outputs)
         counts = plant.counts(time_s)
         raw[step] = declared.whole_inputs(counts)
+        setpoint[step] = plant.setpoint(time_s)
         truth.append(plant.truth(time_s))
         output = stepper.step(counts, int(setpoint[step]))
         digests[step], outputs = output.digest, output.outputs

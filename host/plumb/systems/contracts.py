@@ -103,7 +103,7 @@ class Plant(Protocol):
         """Simulate up to time_s with the outputs of the last step, by name of the word; {} before the first step."""
 
     def counts(self, time_s: float) -> tuple[int, ...]:
-        """Six raw counts at time_s."""
+        """The inputs of a step at time_s: the raw counts, or these and the words of the commands."""
 
     def truth(self, time_s: float) -> dict[str, float]:
         """The true state at time_s by name."""

@@ -25,6 +25,7 @@ class BalancerPlant:
         self.scenario = scenario
         self.vehicle = Vehicle(scenario, open_loop=open_loop)
         self._frozen: dict[int, int] = {}
+        self._setpoint = scenario.setpoint()
 
     @property
     def time_s(self) -> float:
@@ -76,7 +77,7 @@ class BalancerPlant:
 
     def setpoint(self, time_s: float) -> int:
         """Velocity setpoint at time_s, m/s Q26."""
-        return int(self.scenario.setpoint()[self._sample(time_s)])
+        return int(self._setpoint[self._sample(time_s)])
 
     def _sample(self, time_s: float) -> int:
         return round(time_s * 1e6 / self.scenario.period_us) % self.scenario.steps
