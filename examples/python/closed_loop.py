@@ -12,7 +12,7 @@ print(f"{result.steps} steps, bit-exact: {result.bit_exact}")
 # Prints:
 #     10.0 s  tilt   0.00 deg  estimated  -0.42 deg
 #     10.6 s  tilt  20.00 deg  estimated  20.04 deg
-#     11.0 s  tilt -20.30 deg  estimated -20.76 deg
-#     12.0 s  tilt   3.40 deg  estimated   3.81 deg
-#     13.5 s  tilt  -0.59 deg  estimated  -0.19 deg
+#     11.0 s  tilt -20.29 deg  estimated -20.76 deg
+#     12.0 s  tilt   3.39 deg  estimated   3.81 deg
+#     13.5 s  tilt  -0.60 deg  estimated  -0.19 deg
 #     2800 steps, bit-exact: True

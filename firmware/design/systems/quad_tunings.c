@@ -28,7 +28,7 @@
 #define TRUST_2 \
     {.r_deg2 = 4.0, .gain_deg2 = 15000.0, .r_max_deg2 = 4000.0}
 #define TRUST_3 \
-    {.r_deg2 = 8.0, .gain_deg2 = 60000.0, .r_max_deg2 = 16000.0}
+    {.r_deg2 = 8.0, .gain_deg2 = 60000.0, .r_max_deg2 = 8000.0}
 #define PID_2 \
     {.kp_per_deg = 0.0216, .ki_per_deg_s = 0.104, .kd_per_dps = 0.00605, .derivative_tau_s = 0.0005, \
      .slew_per_s = 20.0}

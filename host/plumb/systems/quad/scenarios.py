@@ -131,7 +131,7 @@ HOLD = replace(
     trust=Trust(
         r_deg2=2.0 * TRAPEZIUM.trust.r_deg2,
         gain_deg2=HOLD_STEPS * TRAPEZIUM.trust.gain_deg2,
-        r_max_deg2=HOLD_STEPS * TRAPEZIUM.trust.r_max_deg2,
+        r_max_deg2=2.0 * TRAPEZIUM.trust.r_max_deg2,
     ),
     pid=Pid(
         kp_per_deg=0.0216,
@@ -146,7 +146,8 @@ between sample and pulse, and a recovery within 2 s; fitted on seeds 0-19: examp
 
 The filter is that of `trapezium` in continuous time. Vibration lasts longer than a step, so that four steps tell no
 more of the tilt than one did: the law of R is four times as large. R at rest is twice as large, so that the error's
-spread on `hold` stays above half of the filter's own sigma. Q is a density and stays, although the simulated gyro's
+spread on `hold` stays above half of the filter's own sigma; the largest R goes with it, because the unit of variance
+is as fine as that allows, and with it the arithmetic. Q is a density and stays, although the simulated gyro's
 noise is white at any period: that of an ENC-03, which ends at 50 Hz, is not.
 """
 
