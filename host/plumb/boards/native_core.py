@@ -255,7 +255,7 @@ class Controllers:
         require_valid(params)
         self._core, self._params = c_core(), _u32(params.words())
         size = self._core.plumb_sizeof_control()
-        self._memory = np.zeros((runs, size // 8), np.int64)
+        self._memory = np.zeros((runs, size), np.uint8)  # one behind the other, as an array in C
         self._record = np.zeros(runs, RECORDS[params.system])
         self._setpoints = np.zeros(runs, np.int32)
         system = declarations.system(params.system)
