@@ -7,8 +7,9 @@
 
 #define LAPSE_STEPS 8U /* the frames of a set come within so many steps: their number has four bits */
 
+/* None before the first run. */
 static unsigned frames_of(const control_system_t *system) {
-    return (unsigned)(system->inputs - system->counts) / COMMAND_FRAME_WORDS;
+    return system == NULL ? 0U : (unsigned)(system->inputs - system->counts) / COMMAND_FRAME_WORDS;
 }
 
 void command_set_begin(command_set_t *c, const control_system_t *system) {
