@@ -24,7 +24,7 @@ from plumb.spec.records import Words
 from plumb.systems.contracts import PushedSystem, tuning_for
 from plumb.tuning.quantise import ControlParams, quantise
 
-SYSTEMS = tuple(name for name, declared in declarations.systems().items() if declared.output)
+SYSTEMS = tuple(name for name, declared in declarations.systems().items() if declared.is_driven)
 """Systems with an actuator."""
 
 

@@ -173,9 +173,9 @@ def system_headers_h(built: Iterable[System]) -> str:
         "/* The systems of this image, one bit each by its number. */",
         f"#define CONTROL_SYSTEMS ({mask})",
         "",
-        "/* The most raw counts, and 16-bit words of commands in whole frames, of any declared system. */",
-        f"#define CONTROL_COUNTS_MAX {dbc.counts_most()}U",
-        f"#define CONTROL_COMMANDS_MAX {dbc.command_words_most()}U",
+        "/* The most raw counts, and 16-bit words of commands in whole frames, of any system of this image. */",
+        f"#define CONTROL_COUNTS_MAX {max(system.counts for system in built)}U",
+        f"#define CONTROL_COMMANDS_MAX {max(system.inputs - system.counts for system in built)}U",
         "",
         "/* The largest record of any system, in words. */",
         "typedef union {",
@@ -226,8 +226,9 @@ def systems_c(built: Iterable[System]) -> str:
         if system.frames:
             lines += [f"    .frames = {system.name}_frames,"]
             lines += [f"    .frame_count = sizeof {system.name}_frames / sizeof {system.name}_frames[0],"]
-        if system.output:
+        if system.is_driven:
             lines += [f"    .plausibility = &plumb_{system.name}_plausibility,"]
+        if system.output:
             lines += [f"    .output = CONTROL_OUTPUT_{system.output},"]
             lines += [f"    .output_word = {_c_place(system, system.output_words[0])},"]
         lines += [f"    .record_words = sizeof(plumb_{system.name}_words_t) / 4U,"]

@@ -8,7 +8,7 @@
 /* The systems of this image, one bit each by its number. */
 #define CONTROL_SYSTEMS (1UL << PLUMB_SYSTEM_QUAD | 1UL << PLUMB_SYSTEM_BALANCER | 1UL << PLUMB_SYSTEM_TURNTABLE | 1UL << PLUMB_SYSTEM_PHONE | 1UL << PLUMB_SYSTEM_ATTITUDE)
 
-/* The most raw counts, and 16-bit words of commands in whole frames, of any declared system. */
+/* The most raw counts, and 16-bit words of commands in whole frames, of any system of this image. */
 #define CONTROL_COUNTS_MAX 6U
 #define CONTROL_COMMANDS_MAX 0U
 

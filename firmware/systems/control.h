@@ -22,7 +22,8 @@
 typedef enum {
     CONTROL_OUTPUT_NONE = 0, /* nothing: never armed */
     CONTROL_OUTPUT_PULSES,   /* two words, half-microseconds: speed controllers */
-    CONTROL_OUTPUT_BRIDGE    /* one word, duty Q15: three-phase bridge */
+    CONTROL_OUTPUT_BRIDGE,   /* one word, duty Q15: three-phase bridge */
+    CONTROL_OUTPUT_ROTORS    /* four words, half-microseconds: speed controllers that no pins drive */
 } control_output_t;
 
 /* Sensors of the board that a live run samples: BOARD_SENSORS_ of app/board_sensors.h. */

@@ -47,12 +47,15 @@ from plumb.proof.golden_recipe import WILD
 from plumb.spec import declarations
 from plumb.spec.protocol import protocol
 from plumb.spec.records import RECORDS, Words
+from plumb.spec.system import COMMAND_WORDS_MAX, COUNTS_MAX, WORDS_PER_FRAME
 from plumb.tuning.groups import pid_of
 from plumb.tuning.quantise import ControlParams, quantise
 
 IMAGE = Path("build/stm32f103/firmware.elf")
 CONTROL_BYTES = 1024
 """Memory for control_t, whose first member is the record of the step."""
+INPUT_BYTES = 2 * (COUNTS_MAX + COMMAND_WORDS_MAX + WORDS_PER_FRAME)
+"""Memory for the inputs of a step of any system."""
 WILD_STEPS = 200
 SPREAD_STEPS = 600
 """Steps of a vector of a system that spreads its work over many steps: it has a budget of the mean."""
@@ -240,7 +243,7 @@ class StepDriver:
 
     def __init__(self, counter: Counter) -> None:
         self._counter = counter
-        self._control, self._room = counter.place(bytes(CONTROL_BYTES)), counter.place(bytes(16))
+        self._control, self._room = counter.place(bytes(CONTROL_BYTES)), counter.place(bytes(INPUT_BYTES))
         self._table = counter.place(bytes(4 * 256))
 
     def begin(self, params: ControlParams) -> None:

@@ -46,7 +46,7 @@ _ROW: dict[str, type] = {
     **dict.fromkeys(("name", "owner", "type", "unit", "format", "doc"), str),
     **dict.fromkeys(("min", "max", "default"), int),
 }
-UNLISTED_IMAGES = ("alone", "all")
+UNLISTED_IMAGES = ("alone", "alone_on_others", "all")
 """Tables of images.toml that every system is in: its own image, and that of all systems."""
 _OPTIONAL = {"was", "live", "weakens", "armed", "harmless"}
 

@@ -16,8 +16,9 @@ from plumb.spec.system import group_of
 
 ALWAYS_HELD = ("esc",)
 """Groups that every image holds: the outputs carry neutral pulses with every system."""
-ALONE, ALL = UNLISTED_IMAGES
-"""Tables of images.toml: limits of the images of one system; name and limits of the image with every system."""
+ALONE, ALONE_ON_OTHERS, ALL = UNLISTED_IMAGES
+"""Tables of images.toml: limits of the images of one system, and of one that stands on others; name and limits of the
+image with every system."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,10 @@ class Image:
 def images() -> dict[str, Image]:
     """Name -> image: of each system alone, of the sets that have a system, and of all systems."""
     systems, limits = declarations.systems(), declarations.image_limits()
-    found = {name: Image(name, (name,), *limits[ALONE]) for name in systems}
+    found = {
+        name: Image(name, (name,), *limits[ALONE_ON_OTHERS if system.stands_on else ALONE])
+        for name, system in systems.items()
+    }
     for name in limits:
         held = tuple(system.name for system in systems.values() if name == ALL or name in system.images)
         if held:

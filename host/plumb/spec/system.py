@@ -43,8 +43,10 @@ TYPES = {"int32": "<i4", "uint32": "<u4", "int64": "<i8"}
 """Type of a declared word -> numpy type."""
 SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE", "SIX_AXES")
 """Sensor sets that a board can sample (CONTROL_SENSORS_ in firmware/systems/control.h)."""
-OUTPUTS = {"PULSES": 2, "BRIDGE": 1}
+OUTPUTS = {"PULSES": 2, "BRIDGE": 1, "ROTORS": 4}
 """Kind of actuator (CONTROL_OUTPUT_) -> number of record words that drive it."""
+DRIVEN = ("PULSES", "BRIDGE")
+"""Kinds that a set of pins drives. A board is never armed with a system of another kind."""
 
 
 @dataclass(frozen=True)
@@ -210,6 +212,11 @@ class System:
     def judging(self) -> Path:
         """The folder of what judges the system: plots, figures, limits, comparisons, commands. It may be missing."""
         return (JUDGING if self.shipped else self.folder.parent / JUDGING.name) / self.name
+
+    @property
+    def is_driven(self) -> bool:
+        """True for a system with an actuator that a set of pins drives: its sensors are checked; it may be armed."""
+        return self.output in DRIVEN
 
     @property
     def counts(self) -> int:
