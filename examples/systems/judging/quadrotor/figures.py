@@ -1,0 +1,189 @@
+"""Targets of `quadrotor` and the figures that the integers reach (see plumb.proof.figures).
+
+Every row is flown: the C integers in the loop, scored against the truth. Margins are swept in flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import lru_cache
+
+import numpy as np
+from plumb.judging.quadrotor import loops
+from plumb.judging.quadrotor.flown import Flown, fly
+from plumb.systems.quadrotor import courses
+from plumb.systems.quadrotor import scenarios as quadrotor
+
+from plumb.proof import loop_figures
+from plumb.proof.figures import Figure, Sense
+from plumb.proof.limits import RMS as RMS_METRIC
+from plumb.proof.limits import Limit, Limits
+from plumb.proof.loop_figures import LeastMargins
+from plumb.proof.report import Plot
+from plumb.spec.arrays import FloatArray
+
+TUNING = quadrotor.DEFAULT_TUNING
+ESTIMATE, FLOWN_ERROR = "estimate error", "flown error"
+HEADLINE = (ESTIMATE, "wind", TUNING)
+SCORED_FROM_S = 8.0
+"""A second after the pilot begins."""
+SETTLED_DEG = 5.0
+"""A vehicle that leans by less is back to level."""
+
+ASSUMED = (
+    "Means and worst seeds over 40 seeds, every 2.5 ms. Estimate: angle between the estimated and the true vertical;"
+    " flown: between the true vertical and the one that the pilot asks for; rms from 8 s on, the worst value where a"
+    " row says so.",
+    "RotorS hummingbird (0.716 kg, inertia 0.007, 0.007, 0.012 kg m^2, arm 0.17 m), flown as an X. Assumed: thrust 0.6"
+    " u^2 + 0.4 u of the command, ESC delay 2 ms, CdA 0.012 m^2, rotors' unbalance 0.3 g each in a hover.",
+    "MPU-6050: bias 1 deg/s an axis with its sign drawn, N(0.5) deg/s of warm-up, scale 1 %, misalignment 0.7 %,"
+    " offset N(2 mg) after a calibration of six sides.",
+    f"Wind {courses.WIND_MPS:g} m/s with Dryden gusts; gust: a step of {courses.GUST_MPS:g} m/s; weak: one rotor loses"
+    f" {100 * (1 - courses.WEAK_SHARE):.0f} % of its thrust; yaw: a full stick with a battery that gives 45 % of the"
+    " thrust.",
+    "Margins: broken at the mixer, swept from 0.5 to 30 Hz in a calm hover; the flash image is the same integers.",
+)
+LEAST = LeastMargins(phase_deg=45.0, gain_db=8.0, delay_s=0.030)
+RMS: dict[str, tuple[tuple[float, float], tuple[float, float]]] = {
+    "calm": ((1.8, 2.5), (1.0, 0.0)),
+    "wind": ((1.8, 2.5), (1.8, 2.4)),
+    "two-chips": ((1.8, 0.0), (1.8, 0.0)),
+}
+"""Scenario -> what is asked of the mean and of the worst seed, 0: nothing: of the estimate, of the flown error."""
+
+LIMITS: Limits = {
+    (name, TUNING, "closed"): (Limit(RMS_METRIC, "at most", estimate[1], "deg", "asked of the worst of 40 seeds"),)
+    for name, (estimate, _) in RMS.items()
+    if estimate[1]
+}
+
+
+def _tuning(name: str) -> str:
+    """That of a scenario."""
+    return quadrotor.TUNING_FOR.get(name, TUNING)
+
+
+@lru_cache(maxsize=4)
+def _flown(name: str, seeds: tuple[int, ...]) -> Flown:
+    return fly(name, seeds, quadrotor.TUNINGS[_tuning(name)])
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+
+
+def _asked(claim: str, name: str, unit: str, limit: float, values: FloatArray) -> Figure:
+    """Of the worst seed: a row that every seed has to keep."""
+    sense: Sense = "at most" if limit else "shown"
+    return Figure(claim, name, _tuning(name), unit, sense, limit, float(np.max(values)), float(np.max(values)))
+
+
+def errors(name: str, seeds: Iterable[int]) -> Iterator[Figure]:
+    """Estimate and flown error of a flight."""
+    flown = _flown(name, tuple(seeds))
+    scored = flown.between(SCORED_FROM_S, np.inf)
+    nothing = ((0.0, 0.0), (0.0, 0.0))
+    for claim, values, (mean, worst) in zip(
+        (ESTIMATE, FLOWN_ERROR), (flown.error_deg, flown.apart_deg), RMS.get(name, nothing), strict=True
+    ):
+        of_runs = _rms(values[scored])
+        sense: Sense = "at most" if mean else "shown"
+        yield Figure(claim, name, TUNING, "deg", sense, mean, float(np.mean(of_runs)), float(np.max(of_runs))).over(
+            of_runs
+        )
+        if worst:
+            yield _asked(f"{claim}, worst seed", name, "deg", worst, of_runs)
+
+
+def lean(seeds: Iterable[int]) -> Iterator[Figure]:
+    flown = _flown("lean", tuple(seeds))
+    begin = courses.ACTS_S
+    held = np.abs(flown.lean_deg[flown.between(begin + 0.4, begin + courses.LEAN_S)] - courses.LEAN_DEG).max(axis=0)
+    over = flown.lean_deg[flown.between(begin, begin + courses.LEAN_S)].max(axis=0) - courses.LEAN_DEG
+    yield _asked("off 20 deg from 0.4 s on, worst", "lean", "deg", 2.0, held)
+    yield _asked("beyond 20 deg, worst", "lean", "deg", 2.0, np.maximum(over, 0.0))
+
+
+def rate(seeds: Iterable[int]) -> Iterator[Figure]:
+    flown = _flown("rate", tuple(seeds))
+    turn = courses.COURSES["rate"].turns[0]
+    rolled = flown.rate_dps[flown.between(turn.begin_s, turn.end_s), 0]
+    time_s = np.argmax(rolled > 0.9 * courses.STEP_DPS, axis=0) * quadrotor.PERIOD_US * 1e-6
+    yield _asked("90 % of 200 deg/s, worst", "rate", "s", 0.080, time_s)
+    yield _asked("beyond 200 deg/s, worst", "rate", "%", 15.0, 100.0 * (rolled.max(axis=0) / courses.STEP_DPS - 1.0))
+
+
+def _back_s(lean_deg: FloatArray) -> FloatArray:
+    """Time after which each run stays within SETTLED_DEG; lean_deg: from the event on, (steps, runs)."""
+    outside = lean_deg > SETTLED_DEG
+    last = len(outside) - np.argmax(outside[::-1], axis=0)
+    return np.asarray(np.where(outside.any(axis=0), last, 0) * quadrotor.PERIOD_US * 1e-6)
+
+
+def tip(seeds: Iterable[int]) -> Iterator[Figure]:
+    flown = _flown("tip", tuple(seeds))
+    leaning = flown.lean_deg[flown.between(courses.COURSES["tip"].turns[0].end_s, np.inf)]
+    yield Figure("lean at the switch to level", "tip", TUNING, "deg", "shown", 0.0, float(np.mean(leaning[0])))
+    yield _asked("back within 5 deg, worst", "tip", "s", 0.7, _back_s(leaning))
+
+
+def kick(seeds: Iterable[int]) -> Iterator[Figure]:
+    flown = _flown("kick", tuple(seeds))
+    after = flown.between(courses.HAPPENS_S, np.inf)
+    leaning = flown.lean_deg[after]
+    yield Figure("largest lean", "kick", TUNING, "deg", "shown", 0.0, float(np.mean(leaning.max(axis=0))))
+    yield _asked("back within 5 deg, worst", "kick", "s", 1.2, _back_s(leaning))
+    yield _asked("height lost, worst", "kick", "m", 0.6, courses.HEIGHT_M - flown.height_m[after].min(axis=0))
+
+
+def gust(seeds: Iterable[int]) -> Iterator[Figure]:
+    flown = _flown("gust", tuple(seeds))
+    yield _asked("flown error, worst", "gust", "deg", 4.0, flown.apart_deg[flown.between(9.0, np.inf)].max(axis=0))
+
+
+def weak(seeds: Iterable[int]) -> Iterator[Figure]:
+    flown = _flown("weak", tuple(seeds))
+    after = flown.between(courses.HAPPENS_S, np.inf)
+    yield _asked("flown error, worst", "weak", "deg", 5.0, flown.apart_deg[after].max(axis=0))
+    yield _asked("height lost, worst", "weak", "m", 0.8, courses.HEIGHT_M - flown.height_m[after].min(axis=0))
+
+
+def yaw(seeds: Iterable[int]) -> Iterator[Figure]:
+    flown = _flown("yaw", tuple(seeds))
+    begin = courses.ACTS_S
+    yield _asked(
+        "flown error, worst", "yaw", "deg", 3.0, flown.apart_deg[flown.between(begin, begin + 4.0)].max(axis=0)
+    )
+
+
+def flip(name: str, seeds: Iterable[int]) -> Iterator[Figure]:
+    """Whole turns: back to level, how soon, and the height that it costs."""
+    flown = _flown(name, tuple(seeds))
+    turn = courses.COURSES[name].turns[0]
+    yield _asked("back within 5 deg, worst", name, "s", 0.0, _back_s(flown.lean_deg[flown.between(turn.end_s, np.inf)]))
+    lost_m = courses.HEIGHT_M - flown.height_m[flown.between(turn.begin_s, np.inf)].min(axis=0)
+    yield _asked("height lost, worst", name, "m", 0.0, lost_m)
+
+
+def margins(_seeds: Iterable[int]) -> Iterator[Figure]:
+    for period_us in (quadrotor.PERIOD_US, 2 * quadrotor.PERIOD_US):
+        how = f"swept in flight, every {1e-3 * period_us:g} ms"
+        least = LEAST if period_us == quadrotor.PERIOD_US else None
+        for axis in loops.PATTERNS:
+            yield from loop_figures.rows(axis, loops.margins(axis, period_us=period_us), "hover", TUNING, least, how)
+
+
+def _errors(name: str) -> Callable[[Iterable[int]], Iterator[Figure]]:
+    return lambda seeds: errors(name, seeds)
+
+
+def _flip(name: str) -> Callable[[Iterable[int]], Iterator[Figure]]:
+    return lambda seeds: flip(name, seeds)
+
+
+SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
+    **{name: _errors(name) for name in ("calm", "wind", "two-chips", "take-off", "sticks")},
+    "lean": lean, "rate": rate, "tip": tip, "kick": kick, "gust": gust, "weak": weak, "yaw": yaw,
+    "flip": _flip("flip"), "overturned": _flip("overturned"), "margins": margins,
+}  # fmt: skip
+PLOTS: dict[str, Callable[[], Sequence[Plot]]] = {}

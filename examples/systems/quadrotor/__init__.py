@@ -1,0 +1,1 @@
+"""A quadrotor that flies: attitude, rates on three axes and four rotors."""

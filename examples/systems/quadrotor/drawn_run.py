@@ -1,0 +1,102 @@
+"""A run of `quadrotor` with all its random values, drawn from its seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from plumb.systems.quadrotor.courses import Course
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
+from plumb.systems.quadrotor.vehicle import Vehicles
+
+from plumb.physics.sensors import Fault
+from plumb.spec import declarations
+from plumb.spec.arrays import FloatArray
+from plumb.systems.prescribed import Steps, put_faults
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """A flight of the ideal controller: inputs of every step, and the truth by name."""
+
+    raw: npt.NDArray[np.int16]
+    throttle_q15: npt.NDArray[np.int32]
+    truth: dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Scenario(Steps):
+    """One run. imu: unit normal errors of the sensors; noise: (steps, 9): six of the sensors, three of the gusts;
+    sticks: of the pilot that moves them at random; fault_noise: (6, steps)."""
+
+    name: str
+    seed: int
+    period_us: int
+    course: Course
+    imu: FloatArray
+    heading_rad: FloatArray
+    wind_rad: FloatArray
+    phase_rad: FloatArray
+    gusts: FloatArray
+    sticks: FloatArray
+    noise: FloatArray
+    fault_noise: FloatArray
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def steps(self) -> int:
+        return len(self.noise)
+
+    def fit(self, tuning: QuadrotorTuning) -> QuadrotorTuning:
+        """The tuning, with the calibration of these sensors."""
+        grade = self.course.grade
+        estimator = replace(tuning.attitude, gyro=grade.gyro, accel=grade.accel)
+        return replace(tuning, period_us=self.period_us, attitude=estimator)
+
+    @cached_property
+    def prescribed(self) -> Prescribed:
+        """The flight of the ideal controller."""
+        vehicles, rows, throttle, raw = Vehicles([self], ideal=True), [], [], []
+        declared = declarations.system("quadrotor")
+        nothing = np.zeros((4, 1))
+        for step in range(self.steps):
+            if step:
+                vehicles.advance(nothing)
+            raw.append(declared.whole_inputs([*vehicles.counts()[0].tolist(), *vehicles.commands()[0].tolist()]))
+            throttle.append(int(vehicles.throttle_q15()[0]))
+            rows.append(truth_of(vehicles))
+        truth = {name: np.array([row[name] for row in rows], np.float64) for name in rows[0]}
+        counts = np.array(raw, np.int16)
+        put_faults(counts, self.faults, self.time_s, self.fault_noise)
+        return Prescribed(counts, np.array(throttle, np.int32), truth)
+
+    def counts(self) -> npt.NDArray[np.int16]:
+        """All inputs of the prescribed flight, (steps, 12)."""
+        return self.prescribed.raw
+
+    def setpoint(self) -> npt.NDArray[np.int32]:
+        """Throttle of the prescribed flight, Q15, (steps,)."""
+        return self.prescribed.throttle_q15
+
+    def truth(self) -> dict[str, FloatArray]:
+        """See `truth_of`."""
+        return self.prescribed.truth
+
+
+def truth_of(vehicles: Vehicles) -> dict[str, float]:
+    """Of a batch of one: vertical in body axes, rates, biases of the gyro, lean, what the pilot asks for, height."""
+    body = vehicles.body
+    up, rate = body.matrix[2, :, 0], np.degrees(body.rate_radps[:, 0])
+    bias = vehicles.imu.bias_now_dps(vehicles.time_s)[:, 0]
+    roll, pitch = np.degrees(vehicles.lean_rad[:, 0])
+    return {
+        **{f"up_{axis}": float(value) for axis, value in zip("xyz", up, strict=True)},
+        **{f"rate_{axis}_dps": float(value) for axis, value in zip("xyz", rate, strict=True)},
+        **{f"bias_{axis}_dps": float(value) for axis, value in zip("xyz", bias, strict=True)},
+        "lean_deg": float(np.degrees(np.arccos(np.clip(up[2], -1.0, 1.0)))),
+        "asked_roll_deg": float(roll),
+        "asked_pitch_deg": float(pitch),
+        "height_m": float(body.position_m[2, 0]),
+    }

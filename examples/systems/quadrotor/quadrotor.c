@@ -1,0 +1,111 @@
+#include "quadrotor.h"
+#include "core/esc.h"
+#include "core/fixed.h"
+#include "core/rate_loop.h"
+#include "quadrotor_mixer.h"
+#include "quadrotor_phase.h"
+
+#define INPUTS (sizeof((plumb_quadrotor_words_t *)0)->raw / sizeof(int32_t))
+
+/* The words of attitude that the vehicle flies by. */
+KERNEL void take_attitude(plumb_quadrotor_words_t *w, const plumb_attitude_words_t *a) {
+    for (unsigned i = 0; i < 3U; i++) {
+        w->rate_turnps_q28[i] = a->rate_turnps_q28[i];
+        w->up_q30[i] = a->up_q30[i];
+    }
+    w->attitude = a->attitude;
+    w->tilt_variance_rad2_q32 = a->tilt_variance_rad2_q32;
+}
+
+SELDOM_CALLED void plumb_quadrotor_init(plumb_quadrotor_t *c, const plumb_params_t *p) {
+    *c = (plumb_quadrotor_t){0};
+    plumb_attitude_init(&c->attitude, p);
+    take_attitude(&c->words, &c->attitude.words);
+    c->words.phase = PLUMB_QUADROTOR_STOPPED; /* until the rotors are seen switched off */
+}
+
+/* The flags of attitude that are this system's, too. */
+KERNEL uint32_t taken_flags(uint32_t of_attitude) {
+    return ((of_attitude & PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED) != 0U ? PLUMB_QUADROTOR_FLAG_GYRO_CLIPPED : 0U) |
+           ((of_attitude & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U ? PLUMB_QUADROTOR_FLAG_ACCEL_CLIPPED
+                                                                    : 0U) |
+           ((of_attitude & PLUMB_ATTITUDE_FLAG_MISSING) != 0U ? PLUMB_QUADROTOR_FLAG_MISSING : 0U) |
+           ((of_attitude & PLUMB_ATTITUDE_FLAG_UNSURE) != 0U ? PLUMB_QUADROTOR_FLAG_UNSURE : 0U);
+}
+
+void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
+                          int32_t setpoint) {
+    plumb_quadrotor_words_t *const w = &c->words;
+    const plumb_quadrotor_params_t *const q = &p->quadrotor;
+    for (unsigned i = 0; i < INPUTS; i++)
+        w->raw[i] = raw[i];
+    w->setpoint_throttle_q15 = setpoint;
+    w->step++;
+
+    plumb_attitude_step(&c->attitude, p, raw, asr32(w->thrust_q24, 9));
+    take_attitude(w, &c->attitude.words);
+    const bool airborne = c->attitude.airborne; /* which a restart of the filter keeps: its flag does not */
+    uint32_t flags = taken_flags(c->attitude.words.flags) | (airborne ? PLUMB_QUADROTOR_FLAG_AIRBORNE : 0U);
+    const bool unsure = (flags & PLUMB_QUADROTOR_FLAG_UNSURE) != 0U;
+
+    const int32_t given = clamp_i32(setpoint, 0, INT16_MAX);
+    const bool on = (raw[SWITCHES] & PLUMB_QUADROTOR_ROTORS_ON) != 0;
+    const bool by_rate = (raw[SWITCHES] & PLUMB_QUADROTOR_MODE_RATE) != 0;
+    const bool low = on && given < q->low_q15;
+    const bool lost = listen(w, q, raw[RECEIVER]);
+    count(&w->blind_steps, (flags & PLUMB_QUADROTOR_FLAG_MISSING) != 0U);
+    count(&w->idle_steps, low && !airborne);
+    count(&w->lying_steps, low && !by_rate && lies(w, c->attitude.words.accel_g_q25));
+    decide(w, q, on, lost, airborne, unsure);
+
+    const bool flies = on && w->phase != PLUMB_QUADROTOR_STOPPED;
+    const bool alone = w->phase == PLUMB_QUADROTOR_HELD || w->phase == PLUMB_QUADROTOR_LANDING;
+    const bool levels = (alone || !by_rate) && !(airborne && unsure);
+    const int32_t sticks[3] = {alone ? 0 : raw[ROLL], alone ? 0 : raw[PITCH], alone ? 0 : raw[YAW]};
+    if (w->phase != PLUMB_QUADROTOR_HELD)
+        w->throttle_q15 = w->phase == PLUMB_QUADROTOR_LANDING ? q->land_q15 : given;
+    ask(w, q, sticks, levels);
+
+    const rate_loop_mode_t mode = !flies ? RATE_LOOP_OFF : airborne ? RATE_LOOP_FLYING : RATE_LOOP_GROUNDED;
+    const int32_t alpha = q->d_alpha_q31, most = q->integral_max_q30;
+    rate_loop_step(&w->roll, &p->rate_roll, alpha, most, w->asked_turnps_q28[0], w->rate_turnps_q28[0], mode);
+    rate_loop_step(&w->pitch, &p->rate_pitch, alpha, most, w->asked_turnps_q28[1], w->rate_turnps_q28[1],
+                   mode);
+    rate_loop_step(&w->yaw, &p->rate_yaw, alpha, most, w->asked_turnps_q28[2], w->rate_turnps_q28[2], mode);
+
+    flags |= (levels ? PLUMB_QUADROTOR_FLAG_LEVELS : 0U) | (lost ? PLUMB_QUADROTOR_FLAG_LOST : 0U);
+    if (flies)
+        flags |= PLUMB_QUADROTOR_FLAG_FLIES | mix(w, q, &p->esc, q->airmode != 0U && airborne);
+    else
+        rest(w, &p->esc);
+    w->flags = flags;
+}
+
+/* 0..most */
+static bool reaches(int32_t value, uint32_t most) {
+    return (uint32_t)value <= most;
+}
+
+/* 1..most */
+static bool counts(uint32_t steps, uint32_t most) {
+    return steps != 0U && steps <= most;
+}
+
+/* The ranges of the table: what a stick asks for, what the mixer shares, and the steps that are counted. */
+static bool in_range(const plumb_quadrotor_params_t *q) {
+    return reaches(q->tilt_max_q30, 644245094U) && q->tilt_gain_q28 >= 0 &&
+           reaches(q->tilt_rate_max_q28, 1342177280U) && reaches(q->stick_rate_q28, 1342177280U) &&
+           reaches(q->yaw_rate_max_q28, 738197504U) && q->d_alpha_q31 >= 0 &&
+           reaches(q->integral_max_q30, 1U << 30) && reaches(q->yaw_max_q24, 1U << 24) &&
+           reaches(q->idle_q24, 1U << 22) && q->airmode <= 1U && reaches(q->low_q15, 8192U) &&
+           counts(q->lost_steps, STEPS_MOST) && q->held_steps < STEPS_MOST &&
+           counts(q->back_steps, STEPS_MOST) && q->lost_action <= 1U && reaches(q->land_q15, INT16_MAX) &&
+           counts(q->land_steps, STEPS_MOST - 1U) && counts(q->blind_steps, STEPS_MOST) &&
+           counts(q->idle_limit, STEPS_MOST) && counts(q->lying_limit, STEPS_MOST);
+}
+
+SELDOM_CALLED bool plumb_quadrotor_params_valid(const plumb_params_t *p) {
+    return plumb_attitude_params_valid(p) && plumb_esc_valid(&p->esc) && in_range(&p->quadrotor) &&
+           plumb_rate_loop_valid(&p->rate_roll) && plumb_rate_loop_valid(&p->rate_pitch) &&
+           plumb_rate_loop_valid(&p->rate_yaw);
+}

@@ -1,0 +1,72 @@
+/* A quadrotor in the air: attitude with the drag of its rotors, a cascade of vertical and rates, four rotors.
+ *
+ *     counts -> attitude -> vertical, rates -> lean error -> asked rates -> three rate loops -> mixer ->
+ * pulses
+ *
+ * Mode level: the sticks ask for a lean; the cross product of the wanted and the estimated vertical is the
+ * error, no angle is computed, and every attitude rights itself. Mode rate: they ask for rates. The mixer of
+ * an X frame serves roll and pitch first, then yaw, then the throttle.
+ *
+ * Whatever decides an output is computed in the step from recorded inputs: whether the vehicle flies, how old
+ * the receiver's frames are, and what happens without them. The sources and figures are in
+ * examples/systems/README.md, every word in examples/systems/quadrotor/arithmetic.md.
+ *
+ * raw: gyro x, y, z, acceleration x, y, z (as plumb/attitude.h), then the commands roll, pitch, yaw,
+ * switches, receiver; setpoint: throttle, Q15. Axes of the body: x to the front, y to the left, z up.
+ *
+ * No pin set drives four rotors yet: the pulses are in the record, and the board is never armed with this
+ * system.
+ */
+#ifndef PLUMB_QUADROTOR_H
+#define PLUMB_QUADROTOR_H
+
+#include "plumb/attitude.h"
+#include "plumb/records.h"
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define PLUMB_QUADROTOR_ROTORS_ON   1 /* bits of the command `switches` */
+#define PLUMB_QUADROTOR_MODE_RATE   2
+#define PLUMB_QUADROTOR_NUMBER_MASK 255 /* of the command `receiver`: number of its newest frame */
+#define PLUMB_QUADROTOR_FAILSAFE    256 /* and: it says that it has lost the transmitter */
+
+/* Word `phase`. */
+#define PLUMB_QUADROTOR_FLOWN   0U
+#define PLUMB_QUADROTOR_HELD    1U /* receiver lost: level, throttle as it was */
+#define PLUMB_QUADROTOR_LANDING 2U /* level, throttle of the landing */
+#define PLUMB_QUADROTOR_STOPPED 3U /* until the rotors are switched off; at the start, too */
+
+/* Word `stop_reason`. */
+#define PLUMB_QUADROTOR_STOPPED_BLIND    1U /* no samples */
+#define PLUMB_QUADROTOR_STOPPED_LYING    2U /* on its back */
+#define PLUMB_QUADROTOR_STOPPED_IDLE     4U /* on the ground with the throttle low */
+#define PLUMB_QUADROTOR_STOPPED_RECEIVER 8U /* receiver lost */
+#define PLUMB_QUADROTOR_STOPPED_UNSURE                                                                       \
+    16U /* on the ground, and the estimator does not know the vertical yet */
+
+/* The record of the last step, then the estimator's state, whose own words are in no digest of this system.
+ */
+typedef struct {
+    plumb_quadrotor_words_t words;
+    plumb_attitude_t attitude;
+} plumb_quadrotor_t;
+
+/* The record is zero but for the phase, which is stopped, and the attitude of the start; the first sample
+ * aligns it. */
+void plumb_quadrotor_init(plumb_quadrotor_t *c, const plumb_params_t *p);
+
+/* True if the parameters are in range and no sum of a step can overflow. */
+bool plumb_quadrotor_params_valid(const plumb_params_t *p);
+
+/* One step. The result is c->words. */
+void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
+                          int32_t setpoint);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,133 @@
+"""`quadrotor`: a hummingbird flown as an X, with an MPU-6050, every 2.5 ms, and a pilot with a receiver.
+
+Channels, in the order of the raw counts: gyro x, y, z, acceleration x, y, z, in body axes; then the commands. The
+physics and its numbers are those of `plumb.physics.quadrotor`, `airframe`, `imu`, `wind` and `ground`; the flights are
+in `courses`. Open loop, an ideal controller flies on the truth, and the words of the rotors move nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from plumb.systems.quadrotor import courses
+from plumb.systems.quadrotor.drawn_run import Scenario
+from plumb.systems.quadrotor.plant import QuadrotorPlant
+from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains, Rates
+
+from plumb.errors import UsageError
+from plumb.physics.disturbance import Request
+from plumb.physics.imu import DRAWS, MPU6050, TWO_CHIPS
+from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
+from plumb.systems.attitude.scenarios import TUNINGS as ESTIMATORS
+from plumb.systems.contracts import Plant
+from plumb.systems.run_length import length_s
+
+PERIOD_US = 2_500
+PERIODS_US = (1_250, 5_000)
+SUB_STEP_US = 1_250
+UNSURE_DEG = 10.0
+"""Beyond this standard deviation of the tilt the sticks ask for rates."""
+NOISES, STICKS = 9, 1200
+
+SCENARIOS = {name: course.title for name, course in courses.COURSES.items()}
+SECONDS = {name: course.seconds for name, course in courses.COURSES.items()}
+DEFAULT_SCENARIO, DEFAULT_TUNING = "calm", "hummingbird"
+FAULT_CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+FAULTS = FAULT_NOTES
+
+ROLL_ACCEL_RADPS2, YAW_ACCEL_RADPS2 = 383.0, 29.8
+"""Angular acceleration by a command of 1, in a hover: four rotors of 5.58 N each, by the slope of the thrust curve, on
+arms of 0.12 m, and their moment of 0.016 m; inertia 0.007 and 0.012 kg m^2."""
+RATE_PER_S, YAW_PER_S, INTEGRAL_PER_S, LEAD_S = 28.0, 8.0, 1.5, 0.012
+"""Of the rate loops: how fast an error of a rate decays; how fast the integral takes its place; and the derivative by
+the proportional gain of roll and pitch, which takes back the lag of the rotors, 12.5 to 25 ms."""
+DEG = np.pi / 180.0
+SCALE = 0.0069
+"""Scale error of the gyro that the filter of `two-chips` expects, as that of `attitude` for those chips."""
+
+
+def _gains(decay_per_s: float, accel_radps2: float, lead_s: float = 0.0) -> RateGains:
+    kp = decay_per_s / accel_radps2 * DEG
+    return RateGains(kp_per_dps=kp, ki_per_deg=kp * INTEGRAL_PER_S, kd_per_dps2=kp * lead_s)
+
+
+ESTIMATOR = replace(
+    ESTIMATORS["vehicle"],
+    period_us=PERIOD_US,
+    gyro=MPU6050.gyro,
+    accel=MPU6050.accel,
+    motion=replace(ESTIMATORS["vehicle"].motion, unsure_deg=UNSURE_DEG),
+)
+TILT = _gains(RATE_PER_S, ROLL_ACCEL_RADPS2, LEAD_S)
+HUMMINGBIRD = QuadrotorTuning(
+    period_us=PERIOD_US,
+    attitude=ESTIMATOR,
+    rates=Rates(roll=TILT, pitch=TILT, yaw=_gains(YAW_PER_S, YAW_ACCEL_RADPS2)),
+)
+TWO_CHIPS_NAME = "two-chips"
+TUNINGS = {
+    "hummingbird": HUMMINGBIRD,
+    TWO_CHIPS_NAME: replace(
+        HUMMINGBIRD,
+        attitude=replace(
+            ESTIMATOR,
+            gyro=TWO_CHIPS.gyro,
+            accel=TWO_CHIPS.accel,
+            errors=replace(ESTIMATOR.errors, scale=SCALE, noise_dps=TWO_CHIPS.gyro_noise_dps),
+        ),
+    ),
+}
+TUNING_NOTES = {
+    "hummingbird": "RotorS hummingbird, 0.716 kg, with an MPU-6050",
+    TWO_CHIPS_NAME: "the same with an ADXL345 and an ITG-3205",
+}
+TUNING_FOR = {TWO_CHIPS_NAME: TWO_CHIPS_NAME}
+
+
+def faults(requests: Sequence[Request]) -> tuple[Fault, ...]:
+    """Faults for `scenario`; raises UsageError for an unknown kind or channel."""
+    return tuple(fault_of(asked, FAULT_CHANNELS) for asked in requests)
+
+
+def plant(scenario: Scenario, *, open_loop: bool = False) -> Plant:
+    """The vehicle of a run."""
+    return QuadrotorPlant(scenario, open_loop=open_loop)
+
+
+def scenario(
+    name: str,
+    seed: int,
+    *,
+    seconds: float | None = None,
+    period_us: int = PERIOD_US,
+    faults: tuple[Fault, ...] = (),
+) -> Scenario:
+    """Draw a run. One generator per seed, in this order:
+
+    errors of the sensors (18), headings of nose and wind (2), phases of the rotors (4), gusts at the start (5), sticks
+    (1200, 2), noise (steps, 9), fault noise (6, steps).
+    """
+    if period_us % SUB_STEP_US:
+        raise UsageError(f"the physics take steps of {SUB_STEP_US} us: a period is a whole number of them")
+    seconds = length_s("quadrotor", name, SECONDS, seconds, period_us, PERIODS_US, seed)
+    return _drawn(name, seed, round(seconds * 1e6 / period_us), period_us, faults)
+
+
+@lru_cache(maxsize=64)
+def _drawn(name: str, seed: int, steps: int, period_us: int, faults: tuple[Fault, ...]) -> Scenario:
+    """Cached: the prescribed flight of a run is part of it."""
+    rng = np.random.default_rng(seed)
+    imu = rng.standard_normal(DRAWS)
+    heading, wind = rng.uniform(0.0, 2.0 * np.pi, 2)
+    phase = rng.uniform(0.0, 2.0 * np.pi, 4)
+    gusts = rng.standard_normal(5)
+    sticks = rng.uniform(-1.0, 1.0, (STICKS, 2))
+    noise = rng.standard_normal((steps, NOISES))
+    fault_noise = rng.standard_normal((len(FAULT_CHANNELS), steps))
+    return Scenario(
+        name, seed, period_us, courses.COURSES[name], imu, np.array(heading), np.array(wind), phase, gusts, sticks,
+        noise, fault_noise, faults,
+    )  # fmt: skip

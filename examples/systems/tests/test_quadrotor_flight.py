@@ -1,0 +1,119 @@
+"""`quadrotor` flown: the C integers in the loop with the physics, some seeds side by side, and what its plant gives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from plumb.judging.quadrotor import loops
+from plumb.judging.quadrotor.flown import Flown, fly
+from plumb.systems.quadrotor import courses, quantise, scenarios
+from plumb.systems.quadrotor.vehicle import ROTORS_ON, Vehicles
+
+from plumb.boards.fixed import FixedBoard
+from plumb.errors import UsageError
+from plumb.physics.airframe import HUMMINGBIRD_X
+from plumb.proof.runs import closed_loop
+
+SEEDS = range(1000, 1004)
+FLOWN, HELD, STOPPED = 0, 1, 3
+
+
+@cache
+def flown(name: str) -> Flown:
+    return fly(name, SEEDS)
+
+
+def test_rotors_of_the_x_frame_are_where_the_mixer_has_them() -> None:
+    """Front right, front left, rear left, rear right; more of the first and the third turns the body to the left."""
+    x, y, _ = np.array(HUMMINGBIRD_X.rotors_m).T
+    assert np.sign(x).tolist() == [1.0, 1.0, -1.0, -1.0]
+    assert np.sign(y).tolist() == [-1.0, 1.0, 1.0, -1.0]
+    for axis, row in zip(("roll", "pitch", "yaw"), HUMMINGBIRD_X.allocation()[1:], strict=True):
+        assert np.sign(row).tolist() == loops.PATTERNS[axis].tolist(), axis
+    with pytest.raises(AssertionError, match="inertia"):
+        replace(HUMMINGBIRD_X, inertia_kgm2=(0.007, 0.008, 0.012)).turned(1.0)
+
+
+def test_a_step_of_the_lean_arrives_and_goes_again() -> None:
+    """What is asked of 40 seeds (20 +- 2 deg from 0.4 s on), on four of them."""
+    flight, begin_s = flown("lean"), courses.ACTS_S
+    held = flight.lean_deg[flight.between(begin_s + 0.4, begin_s + courses.LEAN_S)]
+    assert np.abs(held - courses.LEAN_DEG).max() < 2.0
+    assert flight.lean_deg[flight.between(begin_s + courses.LEAN_S + 0.6, np.inf)].max() < 4.0, "twice the estimate's"
+
+
+def test_upside_down_it_rights_itself() -> None:
+    """Rolled by half a turn: within a second (0.95 s is the worst of 40 seeds) it is level again, and stays."""
+    flight, end_s = flown("overturned"), courses.COURSES["overturned"].turns[0].end_s
+    assert flight.lean_deg[flight.between(end_s, np.inf)].max() > 150.0
+    assert flight.lean_deg[flight.between(end_s + 1.5, np.inf)].max() < 5.0
+
+
+def test_a_lost_receiver_is_held_then_stopped() -> None:
+    flight, lost_s = flown("lost"), courses.COURSES["lost"].lost_s[0]
+    at = [flight.phase[int(np.searchsorted(flight.time_s, lost_s + wait_s))] for wait_s in (0.05, 0.3, 0.75)]
+    assert [set(phases) for phases in at] == [{FLOWN}, {HELD}, {STOPPED}]
+    assert not flight.rotor[-1].any()
+    assert (flight.height_m[-1] < courses.HEIGHT_M - 5.0).all(), "it falls"
+
+
+def test_a_receiver_heard_again_in_time_changes_nothing() -> None:
+    flight = flown("heard-again")
+    assert set(np.unique(flight.phase[flight.between(courses.ACTS_S, np.inf)])) == {FLOWN, HELD}
+    assert np.abs(flight.height_m[flight.between(courses.ACTS_S, np.inf)] - courses.HEIGHT_M).max() < 0.5
+
+
+@pytest.mark.parametrize(("name", "at_s", "on"), [("idle", 15.0, False), ("on-its-back", 6.0, False)])
+def test_what_does_not_fly_is_stopped(name: str, at_s: float, on: bool) -> None:
+    """10 s with the throttle low on the ground; 1 s on its back."""
+    flight = flown(name)
+    assert flight.rotor[flight.between(courses.REST_S + 0.5, courses.REST_S + 0.6)].all()
+    assert bool(flight.rotor[flight.between(at_s + 0.2, np.inf)].any()) is on
+
+
+def test_nothing_turns_before_the_switch() -> None:
+    flight = flown("lean")
+    assert not flight.rotor[flight.between(0.0, courses.REST_S)].any()
+    assert flight.rotor[flight.between(courses.ACTS_S, np.inf)].all()
+
+
+def test_a_run_is_a_batch_of_one() -> None:
+    """The same bits alone and among others: the plant of a run is that of the figures."""
+    runs = [scenarios.scenario("calm", seed, seconds=6.0) for seed in (1, 2)]
+    params = quantise.quantise(runs[0].fit(scenarios.HUMMINGBIRD))
+    alone = closed_loop(FixedBoard(), runs[0], params)
+    assert alone.mismatches == 0
+    vehicles = Vehicles(runs)
+    for step in range(10):
+        if step:
+            vehicles.advance(np.zeros((4, 2)))
+        assert vehicles.counts()[0].tolist() == alone.inputs.raw[step, :6].tolist()
+
+
+def test_the_plant_gives_the_throttle_and_the_switches_that_the_receiver_hears() -> None:
+    run = scenarios.scenario("calm", 3, seconds=6.0)
+    plant = scenarios.plant(run, open_loop=True)
+    plant.follow(4.9, {})
+    before = plant.counts(4.9)
+    assert (plant.setpoint(4.9), before[9] & ROTORS_ON) == (0, 0)
+    plant.follow(5.5, {})
+    after_it = plant.counts(5.5)
+    assert plant.setpoint(5.5) == pytest.approx(0.44 * 32767, rel=0.1), "0.6 u^2 + 0.4 u = 0.29 of the full thrust"
+    assert after_it[9] & ROTORS_ON
+    assert 1 <= after_it[10] <= 255
+
+
+def test_periods_are_whole_steps_of_the_physics() -> None:
+    with pytest.raises(UsageError, match="steps of 1250 us"):
+        scenarios.scenario("calm", 1, period_us=3000)
+
+
+def test_the_roll_loop_has_its_margins() -> None:
+    """45 deg, 8 dB, 30 ms are asked."""
+    found = loops.margins("roll")
+    assert found.phase_deg > 45.0
+    assert min(found.gain_db, found.lower_gain_db) > 8.0
+    assert found.delay_s > 0.030
