@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from systems.test_declared_systems import Plumb, build
+from support.built_systems import Plumb, build
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "systems"
