@@ -5,6 +5,9 @@
 #include "quadrotor_mixer.h"
 #include "quadrotor_phase.h"
 
+/* Commands behind the counts. */
+enum { ROLL = 6, PITCH, YAW, SWITCHES, RECEIVER };
+
 #define INPUTS (sizeof((plumb_quadrotor_words_t *)0)->raw / sizeof(int32_t))
 
 /* The words of attitude that the vehicle flies by. */
@@ -82,26 +85,26 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
 }
 
 /* 0..most */
-static bool reaches(int32_t value, uint32_t most) {
+static bool is_up_to(int32_t value, uint32_t most) {
     return (uint32_t)value <= most;
 }
 
 /* 1..most */
-static bool counts(uint32_t steps, uint32_t most) {
+static bool is_one_to(uint32_t steps, uint32_t most) {
     return steps != 0U && steps <= most;
 }
 
 /* The ranges of the table: what a stick asks for, what the mixer shares, and the steps that are counted. */
 static bool in_range(const plumb_quadrotor_params_t *q) {
-    return reaches(q->tilt_max_q30, 644245094U) && q->tilt_gain_q28 >= 0 &&
-           reaches(q->tilt_rate_max_q28, 1342177280U) && reaches(q->stick_rate_q28, 1342177280U) &&
-           reaches(q->yaw_rate_max_q28, 738197504U) && q->d_alpha_q31 >= 0 &&
-           reaches(q->integral_max_q30, 1U << 30) && reaches(q->yaw_max_q24, 1U << 24) &&
-           reaches(q->idle_q24, 1U << 22) && q->airmode <= 1U && reaches(q->low_q15, 8192U) &&
-           counts(q->lost_steps, STEPS_MOST) && q->held_steps < STEPS_MOST &&
-           counts(q->back_steps, STEPS_MOST) && q->lost_action <= 1U && reaches(q->land_q15, INT16_MAX) &&
-           counts(q->land_steps, STEPS_MOST - 1U) && counts(q->blind_steps, STEPS_MOST) &&
-           counts(q->idle_limit, STEPS_MOST) && counts(q->lying_limit, STEPS_MOST);
+    return is_up_to(q->tilt_max_q30, 644245094U) && q->tilt_gain_q28 >= 0 &&
+           is_up_to(q->tilt_rate_max_q28, 1342177280U) && is_up_to(q->stick_rate_q28, 1342177280U) &&
+           is_up_to(q->yaw_rate_max_q28, 738197504U) && q->d_alpha_q31 >= 0 &&
+           is_up_to(q->integral_max_q30, 1U << 30) && is_up_to(q->yaw_max_q24, 1U << 24) &&
+           is_up_to(q->idle_q24, 1U << 22) && q->airmode <= 1U && is_up_to(q->low_q15, 8192U) &&
+           is_one_to(q->lost_steps, STEPS_MOST) && q->held_steps < STEPS_MOST &&
+           is_one_to(q->back_steps, STEPS_MOST) && q->lost_action <= 1U && is_up_to(q->land_q15, INT16_MAX) &&
+           is_one_to(q->land_steps, STEPS_MOST - 1U) && is_one_to(q->blind_steps, STEPS_MOST) &&
+           is_one_to(q->idle_limit, STEPS_MOST) && is_one_to(q->lying_limit, STEPS_MOST);
 }
 
 SELDOM_CALLED bool plumb_quadrotor_params_valid(const plumb_params_t *p) {

@@ -12,9 +12,6 @@
 #define QUIET_MAX_Q18    377487 /* (1.2 g)^2 */
 #define QUIET_TURNS2_Q24 51782U /* (20 deg/s)^2 */
 
-/* Commands behind the counts. */
-enum { ROLL = 6, PITCH, YAW, SWITCHES, RECEIVER };
-
 /* Steps for which a condition has been met without a break. */
 KERNEL void count(uint32_t *steps, bool met) {
     *steps = met ? min_u32(*steps + 1U, STEPS_MOST) : 0U;
