@@ -226,7 +226,9 @@ def armed_once_more(scene: Scene) -> None:
 
 
 def arming_replayed(scene: Scene) -> None:
-    """All that armed the board a moment ago, byte for byte."""
+    """All that armed the board a moment ago, byte for byte; the command alone before it, while its nonce is still the
+    last one of the board, used up."""
+    say(scene, scene.recorded("EXECUTE"))
     for frame in list(scene.sent):
         if frame[0] != protocol()["DISARM"].identifier:
             say(scene, [frame])
@@ -329,8 +331,8 @@ FAULTS = (
           asked_and_refused("EXECUTE", "BOOTLOADER"), "held", (refused("BUSY"),), holds=True),
     Fault("save-while-armed", "frames", "EXECUTE SAVE with its nonce, over the owner's link",
           asked_and_refused("EXECUTE", "SAVE"), "held", (refused("BUSY"),), holds=True),
-    Fault("arming-replayed", "frames", "all frames that armed the board a moment ago, byte for byte", arming_replayed,
-          "held", (refused("NONCE"),), prepare=armed_once_more, holds=True),
+    Fault("arming-replayed", "frames", "EXECUTE ARM, then all frames, that armed the board a moment ago, byte for byte",
+          arming_replayed, "held", (refused("NONCE"),), prepare=armed_once_more, holds=True),
     Fault("wild-gains-while-armed", "frames", "every parameter at values that an armed board must not take",
           wild_gains, "held", (refused("ARMED"),), prepare=stiffened, holds=True),
     Fault("wild-pulses", "frames", "PARAM_SET of pulses that drive while disarmed, and a live run nobody arms",

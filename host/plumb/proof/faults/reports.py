@@ -36,7 +36,8 @@ class Told:
     """A report that must come: a signal of a frame, or an item of IDENTITY.
 
     mask: at least one of these bits must be set; with 0, a counter must have changed, or another signal must not be 0.
-    choice: instead of a mask, the DBC's name of the value. value: instead of a mask, exactly this value.
+    choice: instead of a mask, the DBC's name of the value. value: instead of a mask, exactly this value. passes: all
+    bits of the mask must be 0 again later on.
     """
 
     frame: str
@@ -44,6 +45,7 @@ class Told:
     mask: int = 0
     choice: str = ""
     value: int | None = None
+    passes: bool = False
 
     def holds(self, value: int, before: int) -> bool:
         if self.value is not None:
@@ -55,7 +57,7 @@ class Told:
         return value != before if (self.frame, self.signal) in COUNTED else bool(value)
 
     def text(self, value: int) -> str:
-        return report_text(self.frame, self.signal, value, self.choice)
+        return report_text(self.frame, self.signal, value, self.choice) + (", and good again" if self.passes else "")
 
 
 def report_text(frame: str, signal: str, value: int, choice: str = "") -> str:
@@ -99,8 +101,12 @@ class Reports:
     def first(self, told: Told) -> tuple[float, int] | None:
         """When the report was heard first, in simulated seconds, and its value."""
         key = told.frame, told.signal
-        before = self.before.get(key, 0)
-        return next((entry for entry in self.values.get(key, []) if told.holds(entry[1], before)), None)
+        before, entries = self.before.get(key, 0), self.values.get(key, [])
+        for number, entry in enumerate(entries):
+            if told.holds(entry[1], before):
+                over = any(not value & told.mask for _, value in entries[number + 1 :])
+                return entry if over or not told.passes else None
+        return None
 
     def disarmed_s(self) -> float | None:
         """When a frame first said that the board is disarmed."""

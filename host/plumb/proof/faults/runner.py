@@ -271,7 +271,8 @@ class Runner:
 def _wanted(told: Told) -> str:
     if told.value is not None:
         return f"{told.frame}.{told.signal}: {told.value}"
-    return report_text(told.frame, told.signal, told.mask, told.choice or ("" if told.mask else "counted"))
+    text = report_text(told.frame, told.signal, told.mask, told.choice or ("" if told.mask else "counted"))
+    return f"{text}, and good again" if told.passes else text
 
 
 def _late(time_ms: float | None) -> float:

@@ -25,6 +25,8 @@ def doubt(check: int) -> tuple[Told, ...]:
     return (DISARMED_BY_DOUBT, Told("PLAUSIBILITY", "disarmed_by", check))
 
 
+GYRO_BACK, ACCEL_BACK = (Told("SENSORS", "digital", 0xFF << shift, passes=True) for shift in (0, 8))
+"""A chip that has lost its settings is told, set up anew, and good again."""
 ACCEL, INNOVATION, RATE = (doubt(1 << bit) for bit in range(3))
 
 
@@ -231,9 +233,9 @@ _CHIPS = tuple(
         ("accel-frozen", "the data registers of the accelerometer keep their values", chip("accel", frozen=True),
          (DISARMED_BY_FAULT, Told("SENSORS", "digital", 0xFF00))),
         ("gyro-browned-out", "the supply of the gyro dips: settings lost", browned_out("gyro"),
-         (DISARMED_BY_FAULT,)),
+         (DISARMED_BY_FAULT, GYRO_BACK)),
         ("accel-browned-out", "the supply of the accelerometer dips: settings lost", browned_out("accel"),
-         (DISARMED_BY_FAULT,)),
+         (DISARMED_BY_FAULT, ACCEL_BACK)),
         ("gyro-held-off", "the gyro measures 150 deg/s too much, with its noise",
          felt("gyro", lambda at: (at[0], at[1] + 150.0, at[2]), 0.5), RATE),
         ("accel-at-2g", "the accelerometer measures 2.2 times what it should, with its noise: no tilt",
@@ -257,9 +259,9 @@ _ESTIMATES = tuple(
         ("accel-frozen", "the data registers of the accelerometer keep their values, and nothing is armed",
          chip("accel", frozen=True), (Told("SENSORS", "digital", 0xFF00),)),
         ("gyro-browned-out", "the supply of the gyro dips: settings lost, and nothing is armed", browned_out("gyro"),
-         (Told("SENSORS", "digital", 0x00FF),)),
+         (GYRO_BACK,)),
         ("accel-browned-out", "the supply of the accelerometer dips: settings lost, and nothing is armed",
-         browned_out("accel"), (Told("SENSORS", "digital", 0xFF00),)),
+         browned_out("accel"), (ACCEL_BACK,)),
     )
 )  # fmt: skip
 
