@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +27,7 @@ from plumb.errors import LinkError
 from plumb.flash.image import find_image, own_header
 from plumb.proof import golden, golden_checks
 from plumb.proof.golden_junit import junit, xml_text
-from plumb.proof.golden_page import page
+from plumb.proof.golden_page import page, plots
 from plumb.spec.records import Words
 from plumb.systems import run_fixed
 
@@ -260,9 +261,21 @@ def test_the_page_plots_the_signal_that_diverged(folder: Path) -> None:
     apart = [actual != expected for actual, expected in zip(shown.actual, shown.expected, strict=True)]
     assert apart == [False] * 40 + [True] * 50
     text = page(checks.results, checks.errors, checks.windows, checks.verdict)
-    (label,) = outline(text).labels
-    assert "bias_turn_q61 of steps_one on native" in label and "before step 40" in label
-    assert text.count("<circle") == 90
+    signal, difference = outline(text).labels
+    assert "steps_one on native: bias_turn_q61" in signal and "first step that differs" in signal
+    assert "got - expected" in difference and "from -8 to 8" in difference
+    assert "agree before step 40 and differ in 50 of the steps shown" in text
+    assert len(re.findall(r": expected \d+, got \d+</title></circle>", text)) == 90
+    assert len(re.findall(r"<title>step \d+: [+-]8</title></circle>", text)) == 50
+
+
+def test_the_plot_of_large_integers_close_together_counts_from_the_least(folder: Path) -> None:
+    (shown,) = wrong_checks(folder).windows
+    large = [2**60 + at for at in range(len(shown.expected))]
+    signal, _ = plots(replace(shown, expected=large, actual=[*large[:40], *(value ^ 8 for value in large[40:])]))
+    expected, got, first = signal.curves
+    assert f" - {2**60} " in signal.y.label and expected.y.tolist() == list(range(90))
+    assert (got.y - expected.y)[38:42].tolist() == [0, 0, -8, -8] and first.x.tolist() == [40, 40]
 
 
 def test_the_page_names_the_image_of_every_board_that_has_one(
@@ -287,7 +300,8 @@ def test_the_page_of_a_pass_and_of_hostile_names_is_whole() -> None:
     results[next(iter(results))].add(golden.VectorResult("v", "quad", 3, 0))
     text = page(results, {"<b>": "<i>\n"}, [], "pass")
     outline(text)
-    assert "<script>" not in text and "<b>" not in text and "\x00" not in text
+    assert "program:<" not in text and "<i>" not in text and "\x00" not in text
+    assert "program:&lt;script&gt;&amp;\\x00\\udcff" in text and "ended early: &lt;i&gt;" in text
     text.encode("utf-8")
 
 

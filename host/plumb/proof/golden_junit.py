@@ -6,12 +6,11 @@ errors, skipped, time, timestamp), testcase (name, classname, time), failure, er
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from xml.etree import ElementTree
 
 from plumb.proof.golden_result import Result, VectorResult
+from plumb.proof.run_identity import date_utc
 
 
 def xml_text(text: str) -> str:
@@ -26,7 +25,7 @@ def _allowed(code: int) -> bool:
 def junit(results: Mapping[str, Result], errors: Mapping[str, str]) -> bytes:
     """The document. results: by board. errors: board -> why its check ended early; a test case of its own each."""
     boards = list(dict.fromkeys([*results, *errors]))
-    stamp = _timestamp()
+    stamp = date_utc().removesuffix("Z")  # xs:dateTime without a zone is what the schema takes
     suites = ElementTree.Element("testsuites", name="plumb golden check")
     for board in boards:
         rows = results[board].rows if board in results else []
@@ -74,11 +73,3 @@ def _class(board: str, system: str) -> str:
 
 def _seconds(value: float) -> str:
     return f"{value:.3f}"
-
-
-def _timestamp() -> str:
-    """Now, or SOURCE_DATE_EPOCH, in UTC as xs:dateTime without a zone, which is what the schema takes."""
-    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    known = epoch.isascii() and epoch.isdigit() and len(epoch) <= 10
-    when = datetime.fromtimestamp(int(epoch), UTC) if known else datetime.now(UTC)
-    return when.strftime("%Y-%m-%dT%H:%M:%S")

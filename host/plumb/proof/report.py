@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import html
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -33,6 +32,7 @@ from plumb.proof.svg_plot import (
     Plot,
     Series,
     described,
+    escaped,
     kept,
     panel,
     plot_svg,
@@ -118,14 +118,14 @@ class Statement:
 def table_html(table: Table) -> str:
     def row(cells: Sequence[str], tag: str, bad: bool = False) -> str:
         mark = ' class="bad"' if bad else ""
-        return f"<tr{mark}>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+        return f"<tr{mark}>" + "".join(f"<{tag}>{escaped(cell)}</{tag}>" for cell in cells) + "</tr>"
 
     body = "\n".join(row(cells, "td", index in table.bad_rows) for index, cells in enumerate(table.rows))
     head = row(table.head, "th") if any(table.head) else ""
-    note = f'\n<p class="note">{html.escape(table.note)}</p>' if table.note else ""
+    note = f'\n<p class="note">{escaped(table.note)}</p>' if table.note else ""
     kind = "wide many" if len(table.head) > MANY_COLUMNS else "wide"
     whole = f'<div class="{kind}"><table>\n{head}\n{body}\n</table></div>{note}'
-    title = html.escape(table.title)
+    title = escaped(table.title)
     return f"<details><summary>{title}</summary>\n{whole}</details>" if table.folded else f"<h2>{title}</h2>\n{whole}"
 
 
@@ -152,17 +152,17 @@ def plot_html(plot: Plot, index: int) -> str:
     """Heading, legend, panel and note of one plot."""
     keys = "".join(
         f'<button type="button" class="key" aria-pressed="true"><i style="border-color:{stroke(line.colour)}"></i>'
-        f'{html.escape(line.label)}<output aria-live="off"></output></button>'
+        f'{escaped(line.label)}<output aria-live="off"></output></button>'
         for line in plot.lines
     )
     notes = [plot.note] if plot.note else []
     if len(plot.time_s) > SAMPLES_MAX:
         stretch = -(-2 * len(plot.time_s) // SAMPLES_MAX)
         notes.append(f"Drawn of {len(plot.time_s)} samples: the least and the greatest of each {stretch} in a row.")
-    note = f'<p class="note">{html.escape(" ".join(notes))}</p>\n' if notes else ""
-    words = html.escape(described(plot), quote=True)
+    note = f'<p class="note">{escaped(" ".join(notes))}</p>\n' if notes else ""
+    words = escaped(described(plot))
     return (
-        f'<section class="plot" id="plot{index}"><h2>{html.escape(plot.title)}</h2>\n<div class="keys">{keys}</div>\n'
+        f'<section class="plot" id="plot{index}"><h2>{escaped(plot.title)}</h2>\n<div class="keys">{keys}</div>\n'
         f'<div class="frame"><svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{words}">'
         f"{panel(plot, str(index))}</svg></div>\n{note}</section>"
     )
@@ -214,19 +214,19 @@ def page(
     # The one script that the browser may run is the one whose hash stands here; nothing is fetched.
     allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{allowed}'"
-    badge = f'<span class="verdict {html.escape(verdict)}">{html.escape(verdict)}</span> ' if verdict else ""
+    badge = f'<span class="verdict {escaped(verdict)}">{escaped(verdict)}</span> ' if verdict else ""
     stated = "".join(
         f'<li class="{"unverified" if one.good is None else "pass" if one.good else "fail"}">'
-        f"<b>{html.escape(one.of)}:</b> <span>{html.escape(one.text)}</span></li>"
+        f"<b>{escaped(one.of)}:</b> <span>{escaped(one.text)}</span></li>"
         for one in statements
     )
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(title)}</title>\n<style>{_asset('report.css')}{STYLE}</style></head><body>\n"
-        f"<h1>{html.escape(title)}</h1>\n"
-        f"<p>{badge}{html.escape(lead)}</p>\n"
+        f"<title>{escaped(title)}</title>\n<style>{_asset('report.css')}{STYLE}</style></head><body>\n"
+        f"<h1>{escaped(title)}</h1>\n"
+        f"<p>{badge}{escaped(lead)}</p>\n"
         + (f'<ul class="stated">{stated}</ul>\n' if stated else "")
         + "\n".join(body)
         + f'\n<script type="application/json" id="plot-data">{data}</script>\n<script>{script}</script>\n'

@@ -56,6 +56,13 @@ class Plot:
     note: str = ""
 
 
+def escaped(text: str) -> str:
+    """Text for an element or an attribute; control characters and invalid bytes become backslash escapes, line ends
+    stay."""
+    shown = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
+    return html.escape("".join(shown))
+
+
 def kept(values: Series, most: int) -> npt.NDArray[np.intp]:
     """Indices of at most `most` samples: the least and the greatest of each equal stretch, in order of time."""
     if len(values) <= most:
@@ -184,7 +191,7 @@ def panel(plot: Plot, index: str, top: float = 0.0) -> str:
         f'<path class="axis" d="M{LEFT},{TOP}V{floor}H{WIDTH - RIGHT}"/>'
         f'<g class="lines" clip-path="url(#clip{index})">{"".join(drawn)}</g>'
         f'<text class="t" x="{LEFT + COLUMNS / 2:g}" y="{HEIGHT - 6}">time (s)</text>'
-        f'<text class="u" transform="translate(16,{(TOP + floor) / 2:g}) rotate(-90)">{html.escape(plot.unit)}</text>'
+        f'<text class="u" transform="translate(16,{(TOP + floor) / 2:g}) rotate(-90)">{escaped(plot.unit)}</text>'
         "</g>"
     )
 
@@ -214,17 +221,17 @@ def plot_svg(*plots: Plot) -> str:
     each = HEIGHT + TITLE
     parts = []
     for index, plot in enumerate(plots):
-        legend = [f'<text class="h" x="{LEFT}" y="{index * each + 20}">{html.escape(plot.title)}</text>']
+        legend = [f'<text class="h" x="{LEFT}" y="{index * each + 20}">{escaped(plot.title)}</text>']
         if len(plot.lines) > 1:
             x = WIDTH - RIGHT - sum(34.0 + 6.6 * len(line.label) for line in plot.lines)
             for line in plot.lines:
                 legend.append(
                     f'<path style="stroke:{stroke(line.colour)};stroke-width:2" d="M{x:.1f},{index * each + 16}h18"/>'
-                    f'<text x="{x + 23:.1f}" y="{index * each + 20}">{html.escape(line.label)}</text>'
+                    f'<text x="{x + 23:.1f}" y="{index * each + 20}">{escaped(line.label)}</text>'
                 )
                 x += 34.0 + 6.6 * len(line.label)
         parts += [*legend, panel(plot, str(index), index * each + TITLE)]
-    words = html.escape(" ".join(described(plot) for plot in plots), quote=True)
+    words = escaped(" ".join(described(plot) for plot in plots))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {each * len(plots)}" role="img" '
         f'aria-label="{words}" style="background:#fff"><style>{STYLE}</style>{"".join(parts)}</svg>'

@@ -6,7 +6,6 @@ same.
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from plumb.proof.svg_plot import (
     TOP,
     VALUE_TICKS,
     WIDTH,
+    escaped,
     path,
     stroke,
     tick_text,
@@ -42,7 +42,8 @@ MINOR_DECADES = 3
 @dataclass(frozen=True)
 class Curve:
     """Values y over x, (points,); NaN is a gap. low, high: ends of the bars of uncertainty; points: dots, no line;
-    dashed: a line of dashes. names: of the points, written beside them; () for none."""
+    dashed: a line of dashes. names: of the points, written beside them; () for none. hints: of the points, shown where
+    the reader points at one; () for none."""
 
     label: str
     x: FloatArray
@@ -54,6 +55,7 @@ class Curve:
     points: bool = False
     dashed: bool = False
     names: Sequence[str] = ()
+    hints: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -153,9 +155,9 @@ def panel(plot: XyPlot, index: str) -> str:
         f'<clipPath id="xy{index}"><rect x="{LEFT}" y="{TOP}" width="{COLUMNS}" height="{floor - TOP}"/></clipPath>'
         f'<g class="ticks">{"".join(marks)}</g><path class="axis" d="M{LEFT},{TOP}V{floor}H{WIDTH - RIGHT}"/>'
         f'<g class="lines" clip-path="url(#xy{index})">{drawn}</g>'
-        f'<text class="t" x="{LEFT + COLUMNS / 2:g}" y="{HEIGHT - 6}">{html.escape(plot.x.label)}</text>'
+        f'<text class="t" x="{LEFT + COLUMNS / 2:g}" y="{HEIGHT - 6}">{escaped(plot.x.label)}</text>'
         f'<text class="u" transform="translate(16,{(TOP + floor) / 2:g}) rotate(-90)">'
-        f"{html.escape(plot.y.label)}</text>"
+        f"{escaped(plot.y.label)}</text>"
     )
 
 
@@ -167,10 +169,11 @@ def _curve(curve: Curve, x: _Scale, y: _Scale) -> str:
         d = "".join(f"M{at:.1f},{low:.1f}V{high:.1f}" for at, low, high in bars if math.isfinite(at + low + high))
         drawn += f'<path style="stroke:{css};stroke-width:1;opacity:.6" d="{d}"/>'
     if curve.points:
-        dots = zip(across.tolist(), down.tolist(), strict=True)
+        dots = zip(across.tolist(), down.tolist(), curve.hints or [""] * len(down), strict=True)
         drawn += "".join(
-            f'<circle style="fill:{css};stroke:none" cx="{at:.1f}" cy="{value:.1f}" r="{DOT}"/>'
-            for at, value in dots
+            f'<circle style="fill:{css};stroke:none" cx="{at:.1f}" cy="{value:.1f}" r="{DOT}"'
+            + (f"><title>{escaped(hint)}</title></circle>" if hint else "/>")
+            for at, value, hint in dots
             if math.isfinite(at + value)
         )
         return drawn
@@ -190,17 +193,17 @@ def _names(curve: Curve, x: _Scale, y: _Scale) -> str:
             down += 1.0
         taken.append((left, left + width, down))
         place = f'style="text-anchor:end" x="{left + width:.1f}"' if end else f'x="{left:.1f}"'
-        said.append(f'<text {place} y="{down + 4:.1f}">{html.escape(name)}</text>')
+        said.append(f'<text {place} y="{down + 4:.1f}">{escaped(name)}</text>')
     return "".join(said)
 
 
 def plot_svg(plot: XyPlot) -> str:
     """The panel with its title, as an SVG that stands alone on a white ground."""
-    words, drawn = html.escape(described(plot), quote=True), panel(plot, "0")
+    words, drawn = escaped(described(plot)), panel(plot, "0")
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT + TITLE}" role="img" '
         f'aria-label="{words}" style="background:#fff"><style>{STYLE}</style>'
-        f'<text class="h" x="{LEFT}" y="20">{html.escape(plot.title)}</text>{_legend(plot)}'
+        f'<text class="h" x="{LEFT}" y="20">{escaped(plot.title)}</text>{_legend(plot)}'
         f'<g transform="translate(0,{TITLE})">{drawn}</g></svg>'
     )
 
@@ -210,7 +213,7 @@ def _legend(plot: XyPlot) -> str:
     if len(plot.curves) < 2 or any(curve.names for curve in plot.curves):
         return ""
     said = "".join(
-        f'<tspan dx="14" style="fill:{curve.colour}">{html.escape(curve.label)}</tspan>' for curve in plot.curves
+        f'<tspan dx="14" style="fill:{curve.colour}">{escaped(curve.label)}</tspan>' for curve in plot.curves
     )
     return f'<text x="{LEFT + COLUMNS - 20}" y="20" style="text-anchor:end">{said}</text>'
 
@@ -229,13 +232,13 @@ def plot_html(plot: XyPlot, index: int) -> str:
     keys = "".join(
         f'<span class="key"><i style="border-color:{stroke(curve.colour)};'
         f'border-top-style:{"dashed" if curve.dashed else "dotted" if curve.points else "solid"}"></i>'
-        f"{html.escape(curve.label)}</span>"
+        f"{escaped(curve.label)}</span>"
         for curve in plot.curves
     )
-    note = f'<p class="note">{html.escape(plot.note)}</p>\n' if plot.note else ""
-    words = html.escape(described(plot), quote=True)
+    note = f'<p class="note">{escaped(plot.note)}</p>\n' if plot.note else ""
+    words = escaped(described(plot))
     return (
-        f'<section class="still"><h2>{html.escape(plot.title)}</h2>\n<div class="keys">{keys}</div>\n'
+        f'<section class="still"><h2>{escaped(plot.title)}</h2>\n<div class="keys">{keys}</div>\n'
         f'<div class="frame"><svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{words}">'
         f"{panel(plot, str(index))}</svg></div>\n{note}</section>"
     )
