@@ -237,9 +237,11 @@ def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
     assert outcome.verdict == "fail" and outcome.mismatches >= 1
     assert outcome.divergence is not None
     assert (outcome.divergence.step, outcome.divergence.signal) == (199, "roll_p11")
-    whole = outcome.longest.trial(live_run.params_of("euler", phone.PERIOD_US))
+    whole = outcome.longest.run(None, live_run.params_of("euler", phone.PERIOD_US))
     assert (whole.verdict, whole.mismatches, whole.divergence) == ("fail", 1, outcome.divergence)
     assert len(whole.inputs.raw) == 200, "what is looked for ends the run on the board"
+    gone = live_run.Followed(outcome.longest.steps, outcome.longest.digests).run(None, whole.params)
+    assert gone.divergence is not None and (gone.divergence.step, gone.divergence.signal) == (199, "digest")
 
 
 @pytest.mark.parametrize("dies", [True, False])

@@ -217,20 +217,21 @@ def columns(rows: Sequence[dict[str, float]]) -> dict[str, FloatArray]:
     return {name: np.array([row[name] for row in rows], np.float64) for name in (rows[0] if rows else ())}
 
 
-def judge(board: Board, inputs: RunInputs, params: ControlParams, answer: Answer, changes: Changes = ()) -> Run:
-    """Compare an answer with the model; if they differ, find the first step and signal."""
+def judge(board: Board | None, inputs: RunInputs, params: ControlParams, answer: Answer, changes: Changes = ()) -> Run:
+    """Compare an answer with the model; if they differ, find the first step and signal. board: None when it is gone; a
+    difference is then known by its digest alone."""
     words = run_fixed.run_changed(params, changes, inputs.raw, inputs.setpoint)
     ideal = _reference(inputs, params, changes)
 
     def words_of_step(step: int) -> Mapping[str, int]:
         if answer.words is not None and changes:
             return {name: int(values[step]) for name, values in answer.words.items()}
-        return board.words_of_step(params, inputs.raw, inputs.setpoint, step)
+        return {} if board is None else board.words_of_step(params, inputs.raw, inputs.setpoint, step)
 
     compared = Words(words.record[: answer.unverified_from]) if answer.why else words
     asked = words_of_step if answer.words is not None or not changes else None  # no lockstep repeats a change
     divergence = first_divergence(compared, answer.digests, asked)
-    return Run(inputs, params, words, ideal, answer, divergence, part_of(board), changes)
+    return Run(inputs, params, words, ideal, answer, divergence, {} if board is None else part_of(board), changes)
 
 
 def _reference(inputs: RunInputs, params: ControlParams, changes: Changes) -> dict[str, FloatArray]:

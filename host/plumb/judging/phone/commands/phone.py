@@ -103,7 +103,7 @@ def main(arguments: argparse.Namespace) -> int:
         }
         if outcome.divergence is not None:
             summary["first_divergence"] = outcome.divergence.as_dict()
-        look_back(arguments, board, params, outcome, summary)
+        look_back(arguments, None if lost else board, params, outcome, summary)
     print(json.dumps(summary) if arguments.json else describe(summary))
     if summary["verdict"] == "fail":
         return ExitCode.BAD_VERDICT
@@ -115,22 +115,23 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def look_back(
-    arguments: argparse.Namespace, board: Board, params: ControlParams, outcome: Outcome, summary: dict[str, Any]
+    arguments: argparse.Namespace, board: Board | None, params: ControlParams, outcome: Outcome, summary: dict[str, Any]
 ) -> None:
-    """Check the longest run on QEMU, and write the report of --out."""
+    """Check the longest run on QEMU, and write the report of --out. board: None when it is gone."""
     from plumb.cli.run_summary import write
     from plumb.judging.phone.inputs.live_run import inputs_of
     from plumb.proof import runs
 
-    if arguments.board.partition(":")[0] == "qemu":
+    on_qemu = arguments.board.partition(":")[0] == "qemu"
+    if on_qemu and board is not None:
         whole = runs.open_loop(board, inputs_of(outcome.longest.steps, params), params)
     elif arguments.out:
-        whole = outcome.longest.trial(params)
+        whole = outcome.longest.run(board, params)
     else:
         return
     heading = {"system": "phone", "scenario": summary["source"], "tuning": arguments.tuning, "loop": "open"}
     longest = whole.summary(**heading, board=arguments.board, seed=None)
-    if arguments.board.partition(":")[0] == "qemu":
+    if on_qemu:
         longest["mismatches"] = whole.mismatches
         judged = ("steps", "verdict", "mismatches", "first_divergence")
         summary |= {key: longest[key] for key in judged if key in longest}

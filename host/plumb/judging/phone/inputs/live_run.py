@@ -18,8 +18,8 @@ from plumb.inputs import recording
 from plumb.judging.phone.inputs.resampler import Step
 from plumb.judging.phone.inputs.udp import TURN_S, Intake, Listener
 from plumb.proof import runs
-from plumb.proof.compare import Divergence, first_divergence
-from plumb.systems import run_fixed, run_reference
+from plumb.proof.compare import Divergence
+from plumb.systems import run_fixed
 from plumb.systems.phone import scenarios as phone
 from plumb.tuning.quantise import ControlParams, quantise
 
@@ -69,20 +69,20 @@ def inputs_of(steps: list[Step], params: ControlParams, recorded: recording.Reco
 
 
 @dataclass
-class Run:
-    """The steps of one run and the board's digests. divergence: the first differing step, if it was searched for."""
+class Followed:
+    """The steps of one run and the board's digests. judged: what they were found to be, where they had to be looked
+    at."""
 
     steps: list[Step] = field(default_factory=list)
     digests: list[int] = field(default_factory=list)
-    divergence: Divergence | None = None
+    judged: runs.Run | None = None
 
-    def trial(self, params: ControlParams) -> runs.Run:
-        """The run with the digests that the board returned; does not use the board."""
-        inputs = inputs_of(self.steps, params)
-        words = run_fixed.run_control(params, inputs.raw, inputs.setpoint)
-        ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
-        answer = Answer(np.array(self.digests, np.uint32))
-        return runs.Run(inputs, params, words, ideal, answer, self.divergence)
+    def run(self, board: Board | None, params: ControlParams) -> runs.Run:
+        """The run, judged. board: is asked for the words of the first step that differs; None when it is gone."""
+        if self.judged is None:
+            answer = Answer(np.array(self.digests, np.uint32))
+            self.judged = runs.judge(board, inputs_of(self.steps, params), params, answer)
+        return self.judged
 
 
 @dataclass
@@ -94,7 +94,7 @@ class Outcome:
     divergence: Divergence | None = None
     words: dict[str, int] = field(default_factory=dict)
     """The words of the last step."""
-    longest: Run = field(default_factory=Run)
+    longest: Followed = field(default_factory=Followed)
 
     @property
     def verdict(self) -> str:
@@ -107,7 +107,7 @@ class Follower:
     def __init__(self, board: Board, params: ControlParams) -> None:
         self.outcome, self.params = Outcome(), params
         self._board = board
-        self._run = Run()
+        self._run = Followed()
         self._pair: tuple[Stepper, run_fixed.Controller] | None = None
 
     def run_steps(self, steps: Sequence[Step]) -> Iterator[tuple[Step, dict[str, int]]]:
@@ -115,7 +115,10 @@ class Follower:
         at = 0
         while at < len(steps):
             if steps[at].first or self._pair is None:
-                self._pair, self._run = (self._board.stepper(self.params), run_fixed.Controller(self.params)), Run()
+                self._pair, self._run = (
+                    (self._board.stepper(self.params), run_fixed.Controller(self.params)),
+                    Followed(),
+                )
             end = next((i for i in range(at + 1, len(steps)) if steps[i].first), len(steps))
             for step, words in self._advance(self._pair, steps[at:end]):
                 at += 1
@@ -138,20 +141,10 @@ class Follower:
                 outcome.mismatches += 1
                 if outcome.divergence is None:
                     self._pair = None  # locating it begins a new run on the board
-                    outcome.divergence = run.divergence = self._locate()
+                    outcome.divergence = run.run(self._board, self.params).divergence
             yield step, words
             if self._pair is None:
                 return
-
-    def _locate(self) -> Divergence | None:
-        raw = counts(self._run.steps)
-        setpoint = np.zeros(len(raw), np.int32)
-        words = run_fixed.run_control(self.params, raw, setpoint)
-        return first_divergence(
-            words,
-            np.array(self._run.digests, np.uint32),
-            lambda step: self._board.words_of_step(self.params, raw, setpoint, step),
-        )
 
 
 def follow(
