@@ -178,3 +178,33 @@ def test_an_armed_board_takes_gains_within_a_factor_of_two_and_stays_armed() -> 
         last = [next(samples) for _ in range(60)]
         assert last[-1].armed and [sample.armed for sample in last] == sorted(sample.armed for sample in last)
         board.disarm()
+
+
+def test_integers_are_written_and_the_change_is_taken_back_from_what_is_kept(board: Board) -> None:
+    params, before = board.params, board.params.words
+    params.write_words({**before, "arm_hold_ms": before["arm_hold_ms"] + 100})
+    after = params.words
+    assert after != before
+    kept = params.kept
+    kept.add("by hand", before, after)
+    kept.add("nothing", after, after)
+    assert [change.did for change in kept.changes] == ["by hand"] and kept.before_last(after) == before
+    params.write_words(kept.before_last(after), after)
+    kept.forget_last(after)
+    assert params.words == before and kept.changes == []
+    with pytest.raises(UsageError, match="nothing to undo"):
+        kept.before_last(before)
+
+
+def test_saved_and_factory_values_come_back_and_a_table_has_a_name(board: Board) -> None:
+    params = board.params
+    params["arm_hold_ms"] = 700
+    path = params.kept.save_profile("slow", params.read_words())
+    assert params.kept.profiles == ["slow"] and params.kept.holds("slow", params.words)
+    params.save()
+    params.reset()
+    assert params.words == {row.name: row.default for row in parameters.table()}
+    assert not params.kept.holds("slow", params.words)
+    params.load()
+    assert params["arm_hold_ms"] == 700 and params.kept.holds("slow", params.words)
+    assert params.kept.delete_profile("slow") == path and params.kept.profiles == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from plumb.api.kept_parameters import KeptParameters
 from plumb.api.parameter_limits import float_limits, int_limits
 from plumb.boards import native_core
 from plumb.errors import UsageError
@@ -111,6 +112,16 @@ class Parameters(Mapping[str, Value]):
         """The integers of the whole table, by the names that `plumb params` shows."""
         return self._table()
 
+    def read_words(self) -> list[int]:
+        """The integers of the whole table in its order, with those that this version has no name for. Raises
+        LinkError."""
+        return parameter_table.read_table(self._session)
+
+    @property
+    def kept(self) -> KeptParameters:
+        """What this computer keeps of the board's parameters: changes that were made from here, and profiles."""
+        return KeptParameters((self._session.identity or self._session.connect()).unique_id)
+
     def describe(self, name: str) -> ParameterDescription:
         """Unit, value, limits and meaning of a parameter.
 
@@ -146,9 +157,30 @@ class Parameters(Mapping[str, Value]):
         table = self._table()
         wanted = {_known(name, table): value for name, value in values.items()}
         self._session.pump()  # an armed board waits for its keep-alive
-        after = quantities.changed(table, wanted)
+        self.write_words(quantities.changed(table, wanted), table)
+
+    def write_words(self, words: Mapping[str, int], before: Mapping[str, int] | None = None) -> None:
+        """Write the integers of the whole table with one commit.
+
+        Args:
+            words: Every integer by its name, as `words` gives them. Nothing keeps those that belong together in step.
+            before: The table in use, where it has just been read.
+
+        Raises:
+            UsageError: The board is armed and takes no such change.
+            LinkError: The board does not answer, has other definitions, or is armed over its other link.
+        """
+        self._session.require_match()
         self._session.pump()
-        parameter_table.commit(self._session, after, table)
+        parameter_table.commit(self._session, words, before)
+
+    def load(self) -> None:
+        """Take the parameters that are saved in the board's flash. Raises as `save`."""
+        self._session.execute_idle("LOAD", keep_armed=True)
+
+    def reset(self) -> None:
+        """Take the factory values. Raises as `save`."""
+        self._session.execute_idle("DEFAULTS", keep_armed=True)
 
     def save(self) -> None:
         """Write the parameters in use to the board's flash, which it loads at every start.
@@ -160,7 +192,7 @@ class Parameters(Mapping[str, Value]):
         self._session.execute_idle("SAVE", keep_armed=True)
 
     def _table(self) -> dict[str, int]:
-        return by_name(parameter_table.read_table(self._session))
+        return by_name(self.read_words())
 
 
 def _known(name: str, table: Mapping[str, int]) -> str:

@@ -130,11 +130,11 @@ def calibrate(session: Session, asked: Questions, put: Callable[[str], None] | N
 
 def write(session: Session, table: dict[str, int], words: dict[str, int], asked: Questions) -> bool:
     """Commit, remember what was replaced, and save if that is wanted; returns whether it was saved."""
-    from plumb.link import parameter_history, parameter_table
+    from plumb.api.parameters import Parameters
 
-    unique_id = session.require_match().unique_id
-    parameter_table.commit(session, {**table, **words})
-    parameter_history.add(unique_id, parameter_history.change_of(NAME, table, {**table, **words}))
+    params, after = Parameters(session), {**table, **words}
+    params.write_words(after)
+    params.kept.add(NAME, table, after)
     return keep(session, asked)
 
 

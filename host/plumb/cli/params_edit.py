@@ -23,15 +23,14 @@ FALLBACKS = ("sensible-editor", "nano", "vi", "notepad")
 
 def edit(arguments: argparse.Namespace) -> int:
     """Edit and commit; raises UsageError. A text that is refused stays where it is, and the message names it."""
+    from plumb.api.parameters import Parameters
     from plumb.cli import params_session
-    from plumb.link import parameter_table
-    from plumb.spec import parameter_file
     from plumb.tuning import quantities_file
 
     command = editor()
     with options.linked_board_of(arguments) as board:
         board.session.require_match()
-        table = parameter_file.by_name(parameter_table.read_table(board.session))
+        table = Parameters(board.session).words
     title = "Parameters in the units beside them. Save and close to commit what you change; empty the file to leave it."
     before = quantities_file.text_of(table, title)
     folder = Path(tempfile.mkdtemp(prefix="plumb-params-"))

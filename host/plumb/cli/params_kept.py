@@ -4,60 +4,31 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from plumb.api.kept_parameters import KeptParameters
 from plumb.cli import params_sources, params_text
 from plumb.errors import UsageError
-from plumb.link import parameter_history, parameter_profiles
-from plumb.link.session import Session
+from plumb.link.parameter_history import Change
 from plumb.spec import parameter_file, parameters
-from plumb.systems import shipped_tunings
 from plumb.tuning import quantities, quantities_file
-
-if TYPE_CHECKING:
-    from plumb.systems.shipped_tunings import Origin
-
-
-def board_id(session: Session) -> str:
-    """The board's unique id, under which its changes and profiles are kept."""
-    return (session.identity or session.connect()).unique_id
-
-
-def origin_of(session: Session, table: Mapping[str, int]) -> Origin:
-    """The shipped tuning that the board's parameters came from: as the changes made from here say, else the nearest."""
-    try:
-        recorded = parameter_history.tuning_of(parameter_history.read(board_id(session)))
-    except UsageError:  # a damaged file of changes is told by `undo`, which needs it
-        recorded = None
-    return shipped_tunings.origin_of(table, recorded)
-
 
 # ---- undo ----
 
 
 def keep(
-    arguments: argparse.Namespace, session: Session, before: Mapping[str, int], after: Mapping[str, int]
+    arguments: argparse.Namespace, kept: KeptParameters, before: Mapping[str, int], after: Mapping[str, int]
 ) -> list[str]:
     """Remember a change, or forget one that was undone; gives the warning if that is impossible: the change is made."""
-    unique_id = board_id(session)
     try:
         if arguments.action == "undo":
-            changes = parameter_history.read(unique_id)
-            parameter_history.write(unique_id, changes[: parameter_history.last_undoable(changes, before)])
-        elif after != before:
-            change = parameter_history.change_of(_did(arguments), before, after, _tuning(arguments))
-            parameter_history.add(unique_id, change)
+            kept.forget_last(before)
+        else:
+            kept.add(_did(arguments), before, after, _tuning(arguments))
     except UsageError as error:
         return [f"`plumb params undo` will not know this change: {error}"]
     return []
-
-
-def undone(session: Session, table: Mapping[str, int]) -> dict[str, int]:
-    """The table before the last change; raises UsageError if there is none to undo."""
-    changes = parameter_history.read(board_id(session))
-    return {**table, **changes[parameter_history.last_undoable(changes, table)].before}
 
 
 def _did(arguments: argparse.Namespace) -> str:
@@ -85,8 +56,7 @@ def _tuning(arguments: argparse.Namespace) -> str | None:
     return ""
 
 
-def _list_changes(arguments: argparse.Namespace, session: Session) -> int:
-    changes = parameter_history.read(board_id(session))
+def _list_changes(arguments: argparse.Namespace, changes: Sequence[Change]) -> int:
     if arguments.json:
         shown = [{"time": one.time, "did": one.did, "before": one.before, "after": one.after} for one in changes]
         print(json.dumps({"changes": shown}))
@@ -103,31 +73,30 @@ def _list_changes(arguments: argparse.Namespace, session: Session) -> int:
 # ---- profiles ----
 
 
-def show(arguments: argparse.Namespace, session: Session, words: list[int]) -> int | None:
+def show(arguments: argparse.Namespace, kept: KeptParameters, words: list[int]) -> int | None:
     """Do what changes nothing on the board, and return the exit code; None for `profile use`."""
     if arguments.action == "diff":
-        return _diff(arguments, session, words)
+        return _diff(arguments, kept, parameter_file.by_name(words))
     if arguments.action == "undo":
-        return _list_changes(arguments, session)
+        return _list_changes(arguments, kept.changes)
     if arguments.what == "use":
         return None
-    unique_id = board_id(session)
     if arguments.what == "list":
-        return _list_profiles(arguments, unique_id, words)
+        return _list_profiles(arguments, kept, parameter_file.by_name(words))
     if arguments.what == "save":
-        path = parameter_profiles.save(unique_id, arguments.name, words, replace=arguments.force)
+        path = kept.save_profile(arguments.name, words, replace=arguments.force)
     else:
-        path = parameter_profiles.delete(unique_id, arguments.name)
+        path = kept.delete_profile(arguments.name)
     said = {"profile": arguments.name, "file": str(path)}
     print(json.dumps(said) if arguments.json else f"{arguments.what}d {arguments.name}: {path}")
     return 0
 
 
-def _list_profiles(arguments: argparse.Namespace, unique_id: str, words: list[int]) -> int:
-    names = parameter_profiles.names(unique_id)
-    in_use = [name for name in names if _is_in_use(parameter_profiles.path_of(unique_id, name), words)]
+def _list_profiles(arguments: argparse.Namespace, kept: KeptParameters, table: dict[str, int]) -> int:
+    names = kept.profiles
+    in_use = [name for name in names if kept.holds(name, table)]
     if arguments.json:
-        print(json.dumps({"board": unique_id, "profiles": names, "in_use": in_use}))
+        print(json.dumps({"board": kept.unique_id, "profiles": names, "in_use": in_use}))
         return 0
     for name in names:
         print(f"{'*' if name in in_use else ' '} {name}")
@@ -136,18 +105,10 @@ def _list_profiles(arguments: argparse.Namespace, unique_id: str, words: list[in
     return 0
 
 
-def _is_in_use(path: Path, words: list[int]) -> bool:
-    try:
-        values = parameter_file.read(path).values
-    except UsageError:
-        return False
-    return values == parameter_file.by_name(words)
-
-
-def profile_words(arguments: argparse.Namespace, session: Session, warnings: list[str]) -> dict[str, int]:
+def profile_words(arguments: argparse.Namespace, kept: KeptParameters, warnings: list[str]) -> dict[str, int]:
     """The integers of the profile that is to be used; raises UsageError."""
     known = len(warnings)
-    values = params_sources.integers_of_file(parameter_profiles.existing(board_id(session), arguments.name), warnings)
+    values = params_sources.integers_of_file(kept.profile(arguments.name), warnings)
     params_sources.warn(warnings[known:])
     return values
 
@@ -155,10 +116,9 @@ def profile_words(arguments: argparse.Namespace, session: Session, warnings: lis
 # ---- diff ----
 
 
-def _diff(arguments: argparse.Namespace, session: Session, words: list[int]) -> int:
+def _diff(arguments: argparse.Namespace, kept: KeptParameters, board: dict[str, int]) -> int:
     """Print what differs between two tables; 1 if anything does."""
-    board = parameter_file.by_name(words)
-    (one, before), (other, after) = (_side(name, session, board) for name in (arguments.one, arguments.other))
+    (one, before), (other, after) = (_side(name, kept, board) for name in (arguments.one, arguments.other))
     lines = params_text.raw_change_lines(before, after) if arguments.raw else params_text.change_lines(before, after)
     if arguments.json:
         moved = {
@@ -177,19 +137,18 @@ def _count(differences: int) -> str:
     return {0: "nothing differs", 1: "1 differs"}.get(differences, f"{differences} differ")
 
 
-def _side(name: str, session: Session, board: dict[str, int]) -> tuple[str, dict[str, int]]:
+def _side(name: str, kept: KeptParameters, board: dict[str, int]) -> tuple[str, dict[str, int]]:
     """What a side of a comparison is called, and its whole table; raises UsageError."""
     if name == "board":
         return "the board", board
     if name == "defaults":
         return "the factory values", {row.name: row.default for row in parameters.table()}
     if name == "tuning":
-        origin = origin_of(session, board)
+        origin = kept.origin(board)
         return f"the tuning '{origin.tuning}' of {origin.system}", dict(origin.table)
     kind, _, profile = name.partition(":")
     if kind == "profile" and profile:
-        path = parameter_profiles.existing(board_id(session), profile)
-        return f"the profile '{profile}'", {**board, **parameter_file.read(path).values}
+        return f"the profile '{profile}'", {**board, **parameter_file.read(kept.profile(profile)).values}
     path = Path(name)
     if quantities_file.is_in_units(path):
         wanted = quantities_file.wanted(quantities_file.read_text(path), name, board)

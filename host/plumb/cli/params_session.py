@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from plumb.cli import params_sources
 
 if TYPE_CHECKING:
+    from plumb.api.parameters import Parameters
     from plumb.link.identity import Identity
     from plumb.link.session import Session
 
@@ -17,9 +18,10 @@ CHANGES = ("set", "tuning", "load", "reset", "save", "edit", "undo")
 
 def with_board(arguments: argparse.Namespace, session: Session, integers: dict[str, int], warnings: list[str]) -> int:
     """Everything that is done while the board is open. integers, warnings: of `params_sources.integers_asked`."""
+    from plumb.api.parameters import Parameters
     from plumb.cli import params_kept
-    from plumb.link import parameter_table
 
+    params = Parameters(session)
     raw = getattr(arguments, "raw", False)
     identity = session.identity
     if identity is not None and identity.mismatch:
@@ -28,29 +30,31 @@ def with_board(arguments: argparse.Namespace, session: Session, integers: dict[s
             warnings.append("its parameters are shown as integers, as with --raw: their units may not be this plumb's")
             raw = True
     params_sources.warn(warnings)
-    words = parameter_table.read_table(session)
+    words = params.read_words()
     if arguments.action in ("diff", "profile") or (arguments.action == "undo" and arguments.list):
         session.require_match()
-        done = params_kept.show(arguments, session, words)
+        done = params_kept.show(arguments, params.kept, words)
         if done is not None:
             return done
-        integers = params_kept.profile_words(arguments, session, warnings)
+        integers = params_kept.profile_words(arguments, params.kept, warnings)
     if arguments.action in CHANGES or arguments.action == "profile":
         session.require_match()
-        return change(arguments, session, words, integers, warnings)
+        session.pump()  # an armed board waits for its keep-alive
+        after = change(arguments, params, words, integers, warnings)
+        return report_change(arguments, words, after, session.connect(), warnings)
     if arguments.action == "dump":
         return dump(arguments, words)
-    print(show_integers(arguments, words) if raw else show_quantities(arguments, words, session))
+    print(show_integers(arguments, words) if raw else show_quantities(arguments, words, params))
     return 0
 
 
 # ---- reading ----
 
 
-def show_quantities(arguments: argparse.Namespace, words: list[int], session: Session) -> str:
+def show_quantities(arguments: argparse.Namespace, words: list[int], params: Parameters) -> str:
     """The text of `list` or `get` in units."""
     from plumb.api import parameters as api
-    from plumb.cli import params_kept, params_text
+    from plumb.cli import params_text
     from plumb.spec import parameter_file, parameters
 
     table = parameter_file.by_name(words)
@@ -60,7 +64,7 @@ def show_quantities(arguments: argparse.Namespace, words: list[int], session: Se
         if arguments.json:
             return json.dumps({"crc32": crc, "parameters": [params_text.described(one) for one in found]})
         return "\n\n".join(params_text.in_units(one, table) for one in found)
-    origin = params_kept.origin_of(session, table)
+    origin = params.kept.origin(table)
     entries = params_text.matching(arguments.filter, params_text.listed(table, origin))
     if arguments.json:
         said = {"crc32": crc, "system": origin.system, "tuning": origin.tuning, "parameters": entries}
@@ -102,42 +106,36 @@ def dump(arguments: argparse.Namespace, words: list[int]) -> int:
 
 
 def change(
-    arguments: argparse.Namespace, session: Session, words: list[int], integers: dict[str, int], warnings: list[str]
-) -> int:
-    """Execute the verb, or commit the values that it asks for; keep what `undo` needs, and print what changed."""
+    arguments: argparse.Namespace, params: Parameters, words: list[int], integers: dict[str, int], warnings: list[str]
+) -> list[int]:
+    """Execute the verb, or commit the values that it asks for, and keep what `undo` needs; the table after it."""
     from plumb.cli import params_kept
-    from plumb.link import parameter_table
     from plumb.spec import parameter_file
 
     before = parameter_file.by_name(words)
     if arguments.action == "reset":
-        session.execute_idle("DEFAULTS", keep_armed=True)
+        params.reset()
     elif arguments.action == "load" and arguments.file is None:
-        session.execute_idle("LOAD", keep_armed=True)
+        params.load()
     elif arguments.action != "save":
-        session.pump()  # an armed board waits for its keep-alive
-        wanted = wanted_table(arguments, session, before, integers)
-        session.pump()
-        parameter_table.commit(session, wanted, before)
-    after = parameter_table.read_table(session)
-    not_kept = params_kept.keep(arguments, session, before, parameter_file.by_name(after))
+        params.write_words(wanted_table(arguments, params, before, integers), before)
+    after = params.read_words()
+    not_kept = params_kept.keep(arguments, params.kept, before, parameter_file.by_name(after))
     params_sources.warn(not_kept)
     warnings += not_kept
     if arguments.action == "save" or getattr(arguments, "save", False):
-        session.execute_idle("SAVE", keep_armed=True)
-    identity = session.connect()
-    return report_change(arguments, words, after, identity, warnings)
+        params.save()
+    return after
 
 
 def wanted_table(
-    arguments: argparse.Namespace, session: Session, before: dict[str, int], integers: dict[str, int]
+    arguments: argparse.Namespace, params: Parameters, before: dict[str, int], integers: dict[str, int]
 ) -> dict[str, int]:
     """The whole table that a command asks for; raises UsageError."""
-    from plumb.cli import params_kept
     from plumb.tuning import quantities, quantities_file
 
     if arguments.action == "undo":
-        return params_kept.undone(session, before)
+        return params.kept.before_last(before)
     if arguments.action == "set" and not arguments.raw:
         return quantities.changed(before, quantities.assignments(arguments.assignments, before))
     if arguments.action in ("load", "edit") and not integers:

@@ -190,15 +190,14 @@ def sensors_of(name: str, asked: Questions) -> str:
 
 def set_tuning(session: Session, name: str, tuning: str) -> None:
     """As `plumb params tuning NAME TUNING`."""
-    from plumb.link import parameter_history, parameter_table
-    from plumb.spec.parameter_file import by_name
+    from plumb.api.parameters import Parameters
     from plumb.systems import shipped_tunings
 
-    before = by_name(parameter_table.read_table(session))
+    params = Parameters(session)
+    before = params.words
     after = {**before, **shipped_tunings.words_of(name, tuning)}
-    parameter_table.commit(session, after)
-    change = parameter_history.change_of(f"tuning {name} {tuning}", before, after, tuning)
-    parameter_history.add(session.require_match().unique_id, change)
+    params.write_words(after, before)
+    params.kept.add(f"tuning {name} {tuning}", before, after, tuning)
 
 
 def look_at_sensors(session: Session) -> None:
