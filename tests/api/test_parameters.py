@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -180,6 +181,14 @@ def test_an_armed_board_takes_gains_within_a_factor_of_two_and_stays_armed() -> 
         board.disarm()
 
 
+@pytest.fixture
+def own_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What other tests keep of the native board is not seen."""
+    for place in ("CONFIG", "STATE"):
+        monkeypatch.setenv(f"XDG_{place}_HOME", str(tmp_path / place))
+
+
+@pytest.mark.usefixtures("own_places")
 def test_integers_are_written_and_the_change_is_taken_back_from_what_is_kept(board: Board) -> None:
     params, before = board.params, board.params.words
     params.write_words({**before, "arm_hold_ms": before["arm_hold_ms"] + 100})
@@ -196,6 +205,7 @@ def test_integers_are_written_and_the_change_is_taken_back_from_what_is_kept(boa
         kept.before_last(before)
 
 
+@pytest.mark.usefixtures("own_places")
 def test_saved_and_factory_values_come_back_and_a_table_has_a_name(board: Board) -> None:
     params = board.params
     params["arm_hold_ms"] = 700
