@@ -44,6 +44,15 @@ def test_every_kernel_is_within_its_budget(measured: BenchResult, kernel: str) -
         assert row.cycles_max <= budget.cycles, measured.render()
 
 
+@pytest.mark.slow
+def test_the_check_of_memory_takes_the_time_of_the_crc_unit(measured: BenchResult) -> None:
+    """A word every 4 cycles (RM0008 4.2), with 200 cycles for the rest."""
+    elf = Image(bench.find_image())
+    areas = ("guarded", "guarded_parameters")
+    size = sum(elf.symbol(f"{area}_end").address - elf.symbol(f"{area}_start").address for area in areas)
+    assert size < measured.kernels["board_memory_intact"].cycles_max < size + 200
+
+
 def test_the_image_is_within_its_budget(measured: BenchResult) -> None:
     assert measured.image["flash"] <= measured.limits["flash"]
     assert measured.image["ram"] + measured.image["stack"] <= measured.limits["ram"]

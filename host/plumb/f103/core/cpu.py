@@ -19,7 +19,7 @@ from plumb.errors import UsageError
 from plumb.extras import install_hint
 from plumb.f103.core import scb as core
 from plumb.f103.core.bus import Bus, SimulationError
-from plumb.f103.core.crc_loop import BEFORE, CODE_BYTES, INSTRUCTIONS, TURN_BYTES, WORDS, CrcLoop, crc_loop
+from plumb.f103.core.crc_loop import AHEAD_BYTES, BEFORE, CODE_BYTES, INSTRUCTIONS, TURN_BYTES, CrcLoop, crc_loop
 from plumb.f103.core.nvic import BUS_FAULT, HARD_FAULT, NMI, SVCALL, USAGE_FAULT
 from plumb.f103.peripherals.crc import DR_OFFSET, Crc
 from plumb.process_signals import ending_of
@@ -217,16 +217,17 @@ class Cpu:
         loop = crc_loop(bytes(self.flash[at : at + CODE_BYTES]))
         if loop is None:
             return
-        start, end = low[loop.source], low[loop.end]
+        start, end = low[loop.source] - AHEAD_BYTES, low[loop.end]
         left, rest = divmod(end - start, TURN_BYTES)
-        turns = min(left, (self._limit.value - self._counter.value) // INSTRUCTIONS)
+        turns = min(left - 1, (self._limit.value - self._counter.value) // INSTRUCTIONS)
         if turns < 1 or rest or not RAM_BASE <= start < end <= RAM_BASE + len(self.ram):
             return
         after = start + turns * TURN_BYTES
         crc.waiting += self.ram[start - RAM_BASE : after - RAM_BASE]
         if loop not in self._turned:
             self._turned[loop] = Registers(self.uc, *(UC_ARM_REG_R0 + number for number in (loop.source, *loop.loaded)))
-        self._turned[loop].write(after, *struct.unpack_from(f"<{WORDS}I", self.ram, after - TURN_BYTES - RAM_BASE))
+        last_c, last_d, ahead_a, ahead_b = struct.unpack_from("<4I", self.ram, after - AHEAD_BYTES - RAM_BASE)
+        self._turned[loop].write(after + AHEAD_BYTES, ahead_a, ahead_b, last_c, last_d)
         self._counter.value += turns * INSTRUCTIONS
 
     def _raise_later(self, error: BaseException) -> int:
