@@ -54,8 +54,9 @@ uint16_t params_unsafe(const params_t *p);
 /* What stays when numbers and names change: the CRC-16 of a row's first name, never 0xFFFF. By place in params_t. */
 uint16_t params_id(uint16_t place);
 
-/* The held parameter with that id; PARAMS_COUNT: there is none. */
-uint16_t params_find(uint16_t id);
+/* The held parameter with that id; PARAMS_COUNT: there is none. The search begins at *place, in params_t, and leaves
+ * there what follows the place that it found: ids in the order of the table are found at the first look. */
+uint16_t params_find(uint16_t id, uint16_t *place);
 
 #endif
 """
@@ -147,13 +148,16 @@ uint16_t params_id(uint16_t place) {{
     return ids[place];
 }}
 
-uint16_t params_find(uint16_t id) {{
-    uint16_t place = 0;
+uint16_t params_find(uint16_t id, uint16_t *place) {{
+    for (uint16_t tried = 0; tried < PARAMS_HELD; tried++) {{
+        const uint16_t at = *place < PARAMS_HELD ? *place : 0;
 
-    while (place < PARAMS_HELD && ids[place] != id) {{
-        place++;
+        *place = (uint16_t)(at + 1U);
+        if (ids[at] == id) {{
+            return params_held(at);
+        }}
     }}
-    return params_held(place);
+    return PARAMS_COUNT;
 }}
 """
 

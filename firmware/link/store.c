@@ -73,10 +73,11 @@ bool store_accepts(const params_t *params) {
  * range. */
 static bool read_values(const uint16_t *slot, params_t *params, store_report_t *report) {
     bool good = true;
+    uint16_t place = 0;
 
     report->missing = PARAMS_HELD;
     for (size_t at = ENTRIES; at < crc_place(slot); at += ENTRY) {
-        const uint16_t index = params_find(slot[at]);
+        const uint16_t index = params_find(slot[at], &place);
         const uint32_t value = word_at(slot, at + 1U);
 
         if (index == PARAMS_COUNT) {

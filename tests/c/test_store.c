@@ -250,8 +250,8 @@ static void hand_made(const uint16_t *ids, const uint32_t *values, uint16_t coun
  * default. */
 static void check_other_tables(void) {
     const uint16_t last = PARAMS_COUNT - 1U;
-    uint16_t strange = 1;
-    while (params_find(strange) != PARAMS_COUNT) {
+    uint16_t strange = 1, place = 0;
+    while (params_find(strange, &place) != PARAMS_COUNT) {
         strange++;
     }
     uint16_t ids[] = {params_id(last), strange, params_id(0)};

@@ -69,6 +69,21 @@ def test_the_image_saves_on_every_part(image: Path, part: str) -> None:
     assert machine.warnings == [] and machine.reset_count == 4
 
 
+def test_saved_parameters_are_read_in_a_few_milliseconds(image: Path) -> None:
+    """At 8 MHz, before the clock is set up: no entry is looked for in the whole table."""
+    started_us = []
+    machine = Machine(image)
+    for _ in range(2):
+        begun = machine.now_us
+        assert machine.run_until(lambda: bool(machine.tim4.cr1 & 1), 100_000)
+        started_us.append(machine.now_us - begun)
+        machine.advance_us(BOOT_US)
+        save(machine, 3000)
+        machine.reset()
+    blank, saved = started_us
+    assert blank < saved < blank + 4000
+
+
 @pytest.mark.parametrize("lsi_hz", [30_000, 60_000])
 def test_no_watchdog_bites_while_it_saves(image: Path, lsi_hz: int) -> None:
     machine = Machine(image)
