@@ -13,10 +13,10 @@
 #define CALIBRATION_1 \
     {.gyro = CHANNEL_1, .accel = CHANNEL_2, .accel_up = CHANNEL_3}
 #define KALMAN_1 \
-    {.q_angle_deg2_per_s = 0.001, .q_bias_dps2_per_s = 0.001, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
+    {.q_angle_deg2_per_s = 0.001, .q_bias_dps2_per_s = 0.00035, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
      .bias_max_dps = 300.0}
 #define TRUST_1 \
-    {.r_deg2 = 33.0, .gain_deg2 = 0.0, .r_max_deg2 = 1000.0}
+    {.r_deg2 = 14.0, .gain_deg2 = 0.0, .r_max_deg2 = 1000.0}
 #define START_1 \
     {.tilt_deg = 0.0, .bias_dps = 0.0, .p00_deg2 = 1.0, .p01_deg2_per_s = 0.0, .p11_dps2 = 9.0}
 #define PID_1 \
@@ -29,14 +29,19 @@
      .lean_max_deg = 8.0, .lean_slew_dps = 10000.0, .speed_max_mps = 1.0}
 #define DRIVE_1 \
     {.span = -0.999969482421875, .duty_max = 0.999969482421875, .fall_deg = 45.0}
-#define WHEEL_2 \
-    {.edge_m = 0.0037399912542735634, .edges_max = 0, .tau_s = 0.2, .accel_share = 0.0}
 #define KALMAN_2 \
-    {.q_angle_deg2_per_s = 0.001, .q_bias_dps2_per_s = 0.0005, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
+    {.q_angle_deg2_per_s = 0.001, .q_bias_dps2_per_s = 0.001, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
      .bias_max_dps = 300.0}
 #define TRUST_2 \
-    {.r_deg2 = 36.0, .gain_deg2 = 0.0, .r_max_deg2 = 1000.0}
+    {.r_deg2 = 33.0, .gain_deg2 = 0.0, .r_max_deg2 = 1000.0}
+#define WHEEL_2 \
+    {.edge_m = 0.0037399912542735634, .edges_max = 0, .tau_s = 0.2, .accel_share = 0.0}
 #define KALMAN_3 \
+    {.q_angle_deg2_per_s = 0.001, .q_bias_dps2_per_s = 0.0005, .rate = PLUMB_TUNING_RATE_PREVIOUS, \
+     .bias_max_dps = 300.0}
+#define TRUST_3 \
+    {.r_deg2 = 36.0, .gain_deg2 = 0.0, .r_max_deg2 = 1000.0}
+#define KALMAN_4 \
     {.q_angle_deg2_per_s = 0.1, .q_bias_dps2_per_s = 9.999999999999999e-05, \
      .rate = PLUMB_TUNING_RATE_PREVIOUS, .bias_max_dps = 300.0}
 
@@ -47,25 +52,25 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_TUNED = {
 };
 
 const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN = {
-    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_1, .trust = TRUST_1,
-    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_2, .speed = SPEEDLOOP_1,
-    .drive = DRIVE_1,
-};
-
-const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN_FITTED = {
     .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_2, .trust = TRUST_2,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_2, .speed = SPEEDLOOP_1,
     .drive = DRIVE_1,
 };
 
+const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN_FITTED = {
+    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_3, .trust = TRUST_3,
+    .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_2, .speed = SPEEDLOOP_1,
+    .drive = DRIVE_1,
+};
+
 const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE = {
-    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_3, .trust = TRUST_1,
+    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_4, .trust = TRUST_2,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_2, .speed = SPEEDLOOP_1,
     .drive = DRIVE_1,
 };
 
 const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE_WHEEL = {
-    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_3, .trust = TRUST_1,
+    .period_us = 10000, .calibration = CALIBRATION_1, .kalman = KALMAN_4, .trust = TRUST_2,
     .tilt = PLUMB_TUNING_ATAN2, .start = START_1, .pid = PID_1, .wheel = WHEEL_1, .speed = SPEEDLOOP_1,
     .drive = DRIVE_1,
 };

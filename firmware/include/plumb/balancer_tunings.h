@@ -14,7 +14,7 @@ extern const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_TUNED; /* the axle's 
 extern const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN; /* the arctangent of the two axes as the source has it */
 extern const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN_FITTED; /* the same with the R and the Q of the bias that suit it best */
 extern const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE; /* arctan, Q of the bias three orders of magnitude below Q of the angle */
-extern const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE_WHEEL; /* tuned, with that rule */
+extern const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE_WHEEL; /* the same, the axle's acceleration taken off */
 
 #define PLUMB_BALANCER_TUNING_DEFAULT PLUMB_BALANCER_TUNING_TUNED
 

@@ -53,7 +53,7 @@ def expected_raw_dps() -> tuple[float, float]:
 
 
 ASSUMED = (
-    "Scores t >= 10 s; tunings fitted on seeds 0-19. Accelerometer only is atan2 of the two axes, nothing taken off.",
+    "Scores t >= 10 s; tunings fitted on seeds 0-159. Accelerometer only is atan2 of the two axes, nothing taken off.",
     f"Vibration white, 0.1 g (rough, endure) or 0.02 g (smooth); bias +-{balancer.BIAS_DPS:g}, warm-up"
     f" {balancer.DRIFT_DPS:g} deg/s in {balancer.DRIFT_TAU_S:g} s, walk {balancer.WALK_DPS_PER_RTS} deg/s/sqrt(s),"
     f" scale {100 * balancer.SCALE_ERROR:g} %, {DPS_PER_G} deg/s/g, offset {1e3 * balancer.OFFSET_G:g} mg.",
