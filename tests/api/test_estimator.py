@@ -45,6 +45,7 @@ def test_follows_a_motion_about_its_axis(system: str, axis: str, ranges: tuple[f
     angle, rate = rocking()
     estimator = plumb.Estimator(system, period_s=PERIOD_S, gyr_range_dps=ranges[0], acc_range_g=ranges[1])
     estimate = estimator.run(*body(axis, angle, rate))
+    # A tenth of the swing: a sign, an axis or a unit that is wrong costs 20 deg and more.
     assert np.abs(angle_of(system, estimate) - angle).max() < np.radians(2.0)
     assert not estimate.saturated.any()
     assert estimate.period_s == pytest.approx(PERIOD_S)
@@ -59,6 +60,7 @@ def test_turntable_turns_by_the_integral_of_its_rate() -> None:
     gyr = np.zeros((len(time_s), 3))
     gyr[:, 2] = np.gradient(angle, estimator.period_s)
     estimate = estimator.run(gyr, ang_radps2=np.gradient(gyr, estimator.period_s, axis=0))
+    # 1 deg: the rates are difference quotients, in counts of 500 deg/s over 16 bits.
     assert estimate.yaw_rad[-1] == pytest.approx(np.pi / 2, abs=0.02)
     assert abs(estimate.roll_rad[-1]) < 0.02 and abs(estimate.pitch_rad[-1]) < 0.02
 
@@ -91,6 +93,7 @@ def test_full_scale_is_clamped_and_told() -> None:
     gyr[20, 0] = np.radians(300.0)
     estimate = plumb.Estimator("quad", period_s=PERIOD_S, gyr_range_dps=250, acc_range_g=4).run(gyr, acc)
     assert np.flatnonzero(estimate.saturated).tolist() == [20]
+    # Settings are kept within 0.1 %.
     assert np.degrees(estimate["rate_radps"][20]) == pytest.approx(250.0, rel=1e-3)
 
 
@@ -213,12 +216,14 @@ def test_roll_pitch_and_yaw_are_those_of_the_attitude() -> None:
     estimator = plumb.Estimator("attitude", period_s=0.01)
     up = np.array([-np.sin(0.3), np.sin(0.2) * np.cos(0.3), np.cos(0.2) * np.cos(0.3)])  # roll 0.2, pitch 0.3
     estimate = estimator.run(np.zeros((300, 3)), np.tile(G * up, (300, 1)))
+    # Counts of the default range are 1 mg: 1e-3 rad an axis.
     assert estimate.roll_rad[-1] == pytest.approx(0.2, abs=2e-3)
     assert estimate.pitch_deg[-1] == pytest.approx(np.degrees(0.3), abs=0.1)
     half = 0.5 * np.array([estimate[f"{angle}_rad"] for angle in ("roll", "pitch", "yaw")])
     (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
     w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
     y, z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+    # The angles come of the rounded quaternion, and lose no more than float32 would.
     assert np.allclose(estimate.quaternion, np.stack([w, x, y, z], axis=-1), atol=1e-6)
     assert list(name for name in estimate if name.startswith("attitude_")) == [f"attitude_{part}" for part in "wxyz"]
     assert estimate.quaternion.shape == (300, 4)

@@ -115,6 +115,7 @@ def test_every_tuning_has_names_that_are_found(system: str) -> None:
     held = {row.name for name in found for row in quantities.rows_of(name, table)}
     derived = {"kalman.dt_s_q33", "kalman.rate_gain", "kalman.rate_shift", "system", parameters.UNIT}
     assert set(params.own()) - held - derived < {name for name in params.own() if "." in name}
+    # Most words have a name in units; the others are derived, or are counts.
     assert len(held) > 0.6 * len(params.own())
 
 

@@ -83,6 +83,7 @@ def test_two_wait_states_limit_wide_code_to_one_line_in_three_cycles() -> None:
     """Sixteen wide additions are eight 64-bit lines of three cycles each; the return comes after them."""
     cost = path_cost(path(ADD_WIDE * 16 + RETURN))
     assert cost.cycles == 16 + 3
+    # The return is three cycles and the wait for its line, up to two of which lie behind the last addition.
     assert cost.cycles_2ws == pytest.approx(8 * 3 + 5, abs=2)
 
 
@@ -90,12 +91,14 @@ def test_two_wait_states_hide_behind_narrow_and_slow_code() -> None:
     """Four narrow instructions last longer than their line takes to come; so does one division."""
     for code in (NOP * 32, UDIV * 8):
         cost = path_cost(path(code + RETURN))
+        # The first line and the line that the return goes to wait two cycles each.
         assert cost.cycles_2ws - cost.cycles <= 4
 
 
 def test_a_literal_load_waits_for_the_flash() -> None:
     plain, literal = path_cost(path(UDIV + LOAD_R0_R1 + RETURN)), path_cost(path(UDIV + LITERAL + RETURN))
     assert literal.cycles - plain.cycles == 1
+    # One cycle more as without wait states, and two waits.
     assert literal.cycles_2ws - plain.cycles_2ws >= 3
 
 
@@ -193,6 +196,7 @@ def test_the_counter_finds_a_kernel_that_was_inlined(tmp_path: Path) -> None:
     assert call.result == (7 + 9) + (2 + 4)
     kernel, whole = counter.profiles["kernel"], counter.profiles["twice"]
     assert (kernel.calls, whole.calls) == (2, 1)
+    # Load twice, mask, load from the table: four at least. There are two calls in the whole.
     assert 4 <= kernel.instructions_min <= kernel.instructions_max < whole.instructions_max / 2
     assert kernel.cycles_max < whole.cycles_max / 2
     assert counter.bytes_of("kernel") < image.symbol("twice").size + image.symbol("squares").size

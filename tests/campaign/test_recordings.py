@@ -78,6 +78,7 @@ def test_a_grade_gives_the_error_of_compare(system: str, grade: str, folder: Pat
     rows = {row.seed: row for row in told.rows}
     for index in range(2):
         row = rows.get(index + 1) or rows[0]  # seed 0: a grade that draws nothing
+        # The same errors, summed in another order.
         assert abs(found.metrics["angle_rmse_deg"][index] - row.rmse_deg) < 1e-9
         assert abs(found.metrics["angle_max_deg"][index] - row.max_deg) < 1e-9
 

@@ -41,6 +41,7 @@ def test_a_hypercube_takes_every_stratum_once() -> None:
     values = np.array([list(declared.values(i).values()) for i in range(50)], np.float64)
     assert sorted(np.floor(values[:, 0] * 5.0).astype(int)) == list(range(50))
     assert sorted(np.floor((np.log10(values[:, 1]) + 1.0) * 25.0).astype(int)) == list(range(50))
+    # Independent columns of 50: 1 / sqrt(50) = 0.14, three times.
     assert abs(np.corrcoef(values[:, 0], np.log(values[:, 1]))[0, 1]) < 0.4
 
 

@@ -69,7 +69,11 @@ def test_wrong_signs_and_scales_are_found_and_a_wrong_pose_is_refused() -> None:
     assert "another pose" in clumsy.told[0] and "the same as in the pose 'level'" in clumsy.told[1]
     drawn = scenario("quiet", SEED)
     assert sorted(text.partition(" is mounted the other way")[0] for text in found.remarks) == ["accel_up", "gyro"]
+    # A turn by 90 deg is told by the accelerometer, and by a zero that is known to tenths of deg/s over the seconds
+    # of the turn: 1 deg of 90, and a half more.
     assert found.words["gyro.gain"] == pytest.approx(right["gyro.gain"] / drawn.scale, rel=0.015)
+    # A mean of 100 samples with 8 mg rms of noise is good to 1 mg, 1 count; scale and zero are of two: three times
+    # that and more.
     assert found.words["accel.gain"] == pytest.approx(right["accel.gain"], rel=0.005)
     for group, offset_g in zip(("accel", "accel_up"), drawn.offset_g, strict=True):
         zero = -found.words[f"{group}.offset"] / found.words[f"{group}.gain"]

@@ -96,6 +96,7 @@ def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
     with VirtualBoard() as board:
         flown = live_run.run_live(board, scenario, quantise.quantise(quad.HOLD))
     asked, used = scenario.setpoint().astype(np.int64), flown.inputs.setpoint.astype(np.int64)
+    # The setpoint of `motion` changes in most of 350 steps.
     assert flown.verdict == "pass" and len(set(used.tolist())) > 50
     late = [int(np.abs(used[steps:] - asked[: len(asked) - steps]).max()) for steps in range(4)]
     assert min(late) < 2**32 / 360, "within a degree of what was asked a few steps before"

@@ -67,6 +67,7 @@ def test_a_run_of_its_own_is_shown_in_units(board: NativeBoard, capsys: pytest.C
     assert last["raw"] == list(RAW[:3])
     assert (last["mode"], last["live"], last["armed"], last["read_only"]) == ("REALTIME", True, False, False)
     assert last["blocked"] == [] and last["faults"] == []
+    # Steps of a second, two more or less at its ends; the looks are 0.1 s apart, to three steps.
     assert last["steps_per_s"] == pytest.approx(50, rel=0.05)
     assert last["time_s"] - shown[0]["time_s"] == pytest.approx(1.4, abs=0.06)
     assert not board.armed
@@ -94,6 +95,7 @@ def test_who_only_watches_says_nothing_and_the_run_goes_on(
     assert last["blocked"] == ["the link is closed or read-only"]
     assert last["tilt_deg"] is not None and last["bias_dps"] is None  # BIAS was not selected
     assert last["host_lost_steps"] == last["host_lost"] == last["host_rejected"] == 0
+    # A step every 20 ms for 2 s, and for 200 ms more; the last may be on its way.
     assert board.steps - before >= 99
     board.run_us(200_000)
     assert board.steps - before >= 109
@@ -220,6 +222,7 @@ def test_on_the_virtual_board_the_quad_s_axis_moves(capsys: pytest.CaptureFixtur
     virtual("--run", "live", "--seconds", "7.5", "--json")
     tilts = [json.loads(line)["tilt_deg"] for line in capsys.readouterr().out.splitlines()]
     assert len(tilts) == 75
+    # 3 deg: the start is forgotten after 2 s, and the bias is nearly learned; the motion that follows is of 20 deg.
     assert max(abs(tilt) for tilt in tilts[20:50]) < 3.0  # at rest for 5 s
     assert max(abs(tilt) for tilt in tilts[50:]) > 5.0
 

@@ -132,6 +132,7 @@ def test_extremes_are_those_of_every_frame_and_not_of_the_looks(board: NativeBoa
         board.sensors(RAW)
         seen = [look["tilt_measured_deg"] for look in looks]
         high, low = extremes.high["tilt_measured_deg"], extremes.low["tilt_measured_deg"]
+        # The counts of two steps are those of another tilt by tens of degrees.
         assert min(seen) - low > 20 or high - max(seen) > 20
         extremes.forget()
         assert extremes.low == extremes.high == {}
@@ -202,6 +203,7 @@ def test_q_ends_the_command(
 ) -> None:
     monkeypatch.setattr(Screen, "begin", lambda _self, _identity: typed("q"))
     out, _ = monitored(capsys, "--seconds", "30")
+    # A picture every 0.1 s would be 300 until the end that was asked for.
     assert ORDINARY in out and out.count("\x1b[H") < 5
 
 

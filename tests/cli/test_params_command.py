@@ -216,6 +216,7 @@ def test_a_foreign_name_in_a_file_says_nothing_to_the_terminal(
     code, _, err = params(capsys, "load", str(file))
     assert code == 0 and "\x1b" not in err
     foreign = [line for line in err.splitlines() if "no parameter" in line]
+    # MANY_F is thousands of letters: it is cut, and the sentence about it has its words.
     assert len(foreign) == 1 and r"\x1b[2J\n" in foreign[0] and len(foreign[0]) < len(str(file)) + 150
 
 

@@ -58,6 +58,8 @@ def test_noise_json_can_be_used_as_a_tuning(tmp_path: Path, capsys: pytest.Captu
     assert front.main(["tune", "noise", rest_file(tmp_path), *options]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["system"], told["tuning"], told["period_us"]) == ("quad", "constant", 10_000)
+    # 0.05^2 of the made-up rest; Allan deviations at short times are good to some per cent, their squares to twice
+    # that.
     assert told["settings"]["kalman.q_angle_deg2_per_s"] == pytest.approx(0.0025, rel=0.2)
     assert told["refusal"] == ""
     quantise(chosen_settings.changed(TUNINGS["constant"], told["settings"]))
@@ -94,6 +96,7 @@ def test_a_board_s_log_is_taken_and_a_damaged_one_is_one_sentence(
     path = recorded_run(tmp_path / "run.plog", seconds=12.0)
     whole = rest.load(path)
     assert whole.system == "quad" and [one.name for one in whole.channels] == ["gyro", "accel_y", "accel_z"]
+    # The cosine of the tilts of a board that is nearly level, and the zero of its channel: ten counts.
     assert np.mean(whole.channels[2].values) == pytest.approx(1.0, abs=0.01)
     (tmp_path / "bad.plog").write_bytes(path.read_bytes()[:100])
     assert "holds no whole block" in refusal(["noise", str(tmp_path / "bad.plog")], capsys)
@@ -126,6 +129,8 @@ def test_filter_prints_settings_and_consistency(tmp_path: Path, capsys: pytest.C
     assert printed.startswith("swing.npz about x: 2000 steps of 10 ms; quad, tuning recording.")
     assert "Consistency of the filter" in printed and "plumb params set kalman.q_angle_deg2_per_s=" in printed
     told = json.loads((tmp_path / "out" / "tune.json").read_text())
+    # A variance of 2000 samples is known to sqrt(2 / 2000) = 3 %; three times that. The mean of what was fitted is 1
+    # by the fit.
     assert told["settings"]["trust.r_deg2"] == pytest.approx(0.5, rel=0.1)
     assert told["after"]["mean_nis"] == pytest.approx(1.0, abs=0.02) and told["refusal"] == ""
     page = (tmp_path / "out" / "report.html").read_text()
@@ -169,6 +174,7 @@ def test_a_board_recording_is_tuned_with_its_own_parameters(tmp_path: Path, caps
     assert front.main(["tune", "noise", run, "--begin", "0", "--end", "22", "--json"]) == 1  # it moves: no R follows
     told = json.loads(capsys.readouterr().out)
     assert [one["name"] for one in told["signals"]] == ["gyro", "accel_y", "accel_z"]
+    # In g: 1 - cos of the tilts of `quiet`, and noise of 8 mg.
     assert told["signals"][2]["rms"] < 0.1 and told["period_us"] == 20_000
     assert "more than 0" in told["refusal"] and told["apply"] == []
 
@@ -181,6 +187,8 @@ def test_pid_of_the_twin_has_the_margins(tmp_path: Path, capsys: pytest.CaptureF
     assert "plumb params set pid.kp_per_deg=" in printed and "after, measured" in printed
     assert re.search(r"^ +damping, 1/s +0 +0 to ", printed, re.MULTILINE), "at its bound, and no rounding of it"
     told = json.loads((tmp_path / "out" / "tune.json").read_text())
+    # 35 deg are asked for: before, the twin has clearly less; after, as much as the rounded gains leave. Measured at
+    # few frequencies, with the noise of four periods: to 5 deg.
     assert told["met"] and told["margins_before"]["phase_deg"] < 26.0
     assert told["margins"]["phase_deg"] > 34.6 and told["margins_measured"]["phase_deg"] > 30.0
     quantise(chosen_settings.changed(TUNINGS["adaptive"], told["settings"]))

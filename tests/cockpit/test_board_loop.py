@@ -243,6 +243,7 @@ def test_every_step_of_a_recording_is_there_while_no_page_reads(bench: CockpitBe
     bench.ask("record", on=False)
     path = bench.recorded()
     (recorded,) = log_replay.runs_of(log_replay.open_log(path))
+    # Of 2 s at 50 Hz: the recording begins and ends with a turn of the loop.
     assert recorded.run.steps > 90 and recorded.run.incomplete == 0
     done = log_replay.reproduce(recorded, NativeBoard(), "native", None, None)
     assert done.verdict == "pass" and done.compared == recorded.run.steps  # from the beginning of the run on

@@ -50,7 +50,8 @@ def test_disarming_switches_off_within_a_turn(rider: Balancer) -> None:
 
 
 def test_silence_switches_off_within_50_ms(rider: Balancer) -> None:
-    assert 20_000 < rider.off_after_us(60_000) + 15_000 < 50_000 + 15_000
+    # The promise, and no sooner than a value that was answered may be late: then it would be another cause.
+    assert 5_000 < rider.off_after_us(60_000) < 50_000
     assert rider.off_after_us(500_000) == 0
     assert rider.why() == (CAUSE_SILENCE, 0)
 
@@ -77,7 +78,8 @@ def test_a_hall_wire_that_falls_off_switches_off_with_the_next_step(rider: Balan
 
 def test_a_sensor_that_is_lost_switches_off(rider: Balancer) -> None:
     rider.machine.i2c_bus.slaves.clear()
-    assert rider.off_after_us(45_000) < 40_000
+    # Found with the next sample, 10 ms, whose accesses end within 2 ms each.
+    assert rider.off_after_us(45_000) < 10_000 + 2 * 2_000 + TURN_US
     assert rider.why()[0] == CAUSE_FAULT and rider.why()[1] & FAULT_SENSOR
 
 

@@ -169,9 +169,11 @@ def test_frequency_duty_and_dead_time_of_the_waveform(driver: Callable[..., Driv
     high_us = [(b.time - a.time) / TICKS_PER_US for a, b in pairwise(e for e in edges if e.side == "high") if a.on]
     low_us = [(b.time - a.time) / TICKS_PER_US for a, b in pairwise(e for e in edges if e.side == "low") if a.on]
     wanted_us = min(abs(duty) / 32768 * 50, 50 - 2 * 0.5 - 1)
+    # Duty and dead time are whole steps of the clock, 14 ns, and of two: four of them.
     assert max(high_us) == pytest.approx(wanted_us - 0.5, abs=0.06)
     assert min(low_us) >= 1.0  # always time to fill the bootstrap capacitors
     shares = board.machine.bridge().duty
+    # A period is 3600 steps of the clock: 0.0003 each, three of them.
     assert shares[switched] == pytest.approx(wanted_us / 50, abs=0.001)
     assert shares[1 - switched] == 0.0 and shares[2] is None
 
@@ -185,6 +187,7 @@ def test_every_hall_state_drives_the_way_that_the_duty_says(driver: Callable[...
             board.hall(state)
             for part in (0.1, 0.5, 0.9):
                 share = share_of_supply(board.machine.bridge().duty, (place + part) / 6)
+                # A period is 3600 steps of the clock: 0.0003 each, three of them.
                 assert share == pytest.approx(duty / 32768, abs=0.001)
 
 
@@ -304,4 +307,5 @@ def test_without_a_crystal_the_dead_time_is_kept_too(driver: Callable[..., Drive
         board.say(DUTY, 15_000)
         board.hall(state)
         board.say(DUTY, -15_000)
-    assert 1000 <= smallest_gap_ns(board.trace) < 1100
+    # Rounded up to two steps of the clock, of 16 ns, at most, and the next edge of it.
+    assert 1000 <= smallest_gap_ns(board.trace) < 1060

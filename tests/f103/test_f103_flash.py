@@ -45,6 +45,7 @@ def test_a_half_word_is_programmed_once_and_takes_its_time(board: NewBoard) -> N
         board, *UNLOCK, (CR, PG), (HALF_WORD, 0x00041234), (HALF_WORD, 0x00045678), (SR, 0xFF), (HALF_WORD, 0x00040000)
     )
     assert b.result(1) == 7
+    # The cycles of the loop that waits.
     assert b.result(48 + 3) == pytest.approx(70 * CYCLES_PER_US, abs=20)
     assert b.result(32 + 3) == EOP
     assert b.result(32 + 4) == EOP | PGERR and b.result(48 + 4) < 20, "refused at once"
@@ -64,6 +65,7 @@ def test_a_page_is_erased_while_the_core_stands_still(board: NewBoard, part: str
         machine.cpu.flash[SLOTS : SLOTS + 4096] = bytes(4096)
 
     b = carried_out(board, *UNLOCK, (CR, PER), (AR, 0x08000000 + SLOTS + 10), (CR, PER | STRT), part=part, before=fill)
+    # The cycles of the loop that waits.
     assert b.result(48 + 4) == pytest.approx(40_000 * CYCLES_PER_US, abs=20)
     after = bytes(b.machine.cpu.flash[SLOTS : SLOTS + 4096])
     assert after == b"\xff" * page + bytes(4096 - page)
@@ -120,5 +122,5 @@ def test_a_cut_leaves_some_bits_old_and_some_new(board: NewBoard) -> None:
 
     b = carried_out(board, *UNLOCK, (CR, PER), (AR, 0x08000000 + SLOTS), (CR, PER | STRT), before=old)
     bits = sum(byte.bit_count() for byte in b.machine.cpu.flash[SLOTS : SLOTS + 1024])
-    assert not b.machine.powered and 3000 < bits < 5200
+    assert not b.machine.powered and 3826 < bits < 4366  # half of 8192, 6 sigma of 45
     assert set(b.machine.cpu.flash[SLOTS + 1024 : SLOTS + 2048]) == {0xFF}

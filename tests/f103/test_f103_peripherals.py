@@ -97,6 +97,7 @@ def test_a_short_reply_is_not_waited_for_beyond_its_end(board: NewBoard) -> None
     machine.uart.write(b"abc")
     begin = machine.now_us
     assert machine.uart.read(100) == b"abc"
+    # Three bytes in, one byte of silence, three bytes out.
     assert machine.now_us - begin < 8 * BYTE_US
 
 

@@ -87,6 +87,7 @@ def test_bytes_take_nine_clocks_of_ccr(master: Master) -> None:
     master.accel.read = noting  # type: ignore[method-assign, assignment]
     begun = master.machine.now_us
     assert master.read(ACCEL, 0x2C, 4) is not None
+    # The handler of a byte takes up to 2 us before it lets the next one begin.
     assert [later - sooner for sooner, later in pairwise(times)] == pytest.approx([BYTE_US] * 3, abs=2.0)
     # START, address, register, START, address, four bytes, STOP
     assert 7 * BYTE_US + 3 * 2.5 < master.machine.now_us - begun < 7 * BYTE_US + 7.5 + 120

@@ -62,6 +62,7 @@ def test_the_image_saves_on_every_part(image: Path, part: str) -> None:
         erased = [operation.offset for operation in machine.flash.journal if len(operation.after) > 2]
         slot = SLOTS + (number + 1) % 2 * SLOT
         assert erased == list(range(slot, slot + SLOT, machine.flash.page_bytes)), "each page once"
+        # Two pages of 40 ms, up to 1024 half-words of 70 us, and the line's frames: 152 ms, half as much again.
         assert machine.now_us - begun < 250_000
         assert found(machine) == (table(period_us), f"saved in flash, number {number}")
     assert bytes(machine.cpu.flash[:SLOTS]) == code

@@ -82,7 +82,7 @@ def test_files_of_other_tools_are_reproduced_too(
     for field in ("can_id", "length", "data"):
         assert np.array_equal(ours[field], theirs[field])
     apart_us = np.asarray(ours["time_us"], np.int64) - np.asarray(theirs["time_us"], np.int64)
-    assert np.abs(np.diff(apart_us)).max() <= 1000  # of .trc 0.1 ms
+    assert np.abs(np.diff(apart_us)).max() <= 100  # of .trc 0.1 ms, rounded
 
 
 def test_frames_without_parameters_take_them_from_a_file(
@@ -323,6 +323,7 @@ def test_a_change_whose_table_nobody_told_is_unverified_from_its_step_on(changed
     read = with_frames(
         changed, tmp_path / "read.plog", lambda frames: np.delete(frames, places(frames, "PARAM_STAGED"))
     )
+    # The whole table twice; the number of parameters grows.
     assert len(places(log.frames, "PARAM_VALUE")) > 2 * 162
     assert on_native(read).unverified_from == step_of_change(changed, 1), "the first was read before the second"
 

@@ -67,8 +67,11 @@ def test_turning_about_a_level_axis_is_its_tilt(tmp_path: Path, axis: str, perio
     )
     expected_deg = 60.0 * np.sin(2.0 * one.time_s)
     edge = slice(2, -2)
+    # 240 deg/s^2 at most: between samples 9 ms apart a line is wrong by 0.0025 deg, the mean over 20 ms by 0.004, and
+    # late by up to the jitter's mean.
     assert np.max(np.abs(one.truth_deg - expected_deg)[edge]) < 0.05
     assert np.max(np.abs(np.degrees(np.arctan2(y, z)) - expected_deg)[edge]) < 0.05
+    # 240 deg/s^2 over a mean error in time of up to 0.8 ms.
     assert np.max(np.abs(gyro - 120.0 * np.cos(2.0 * one.time_s))[edge]) < 0.2
     assert np.array_equal(one.scored[one.time_s > 2.01], np.full(np.sum(one.time_s > 2.01), True))
     assert not np.any(one.scored[one.time_s < 1.99]) and not np.any(one.singular)
@@ -90,6 +93,8 @@ def test_the_rate_of_tilt_is_the_stated_one_in_general_motion() -> None:
                 sign * earlier[first], earlier[second]
             )
             coupling = u[i] * (u[first] * w[first] + u[second] * w[second]) / (u[first] ** 2 + u[second] ** 2)
+            # A difference quotient with h = 1e-5: the third derivative is divided by (u_y^2 + u_z^2)^3, small for a
+            # few of these.
             assert ((quotient + np.pi) % (2 * np.pi) - np.pi) / (2 * h) == pytest.approx(w[i] - coupling, abs=1e-5)
 
 
@@ -334,6 +339,7 @@ def test_the_program_that_converts_a_recording_does(tmp_path: Path, capsys: pyte
     replayed = ["replay", str(tmp_path / "trial.npz"), "--system", "attitude", "--board", "native", "--json"]
     assert front.main(replayed) == 0
     said = json.loads(capsys.readouterr().out)
+    # 1199 samples move; a few at the ends may not be scored.
     assert said["steps"] == 1500 and 1190 <= said["scored_steps"] < 1200
     assert said["metrics"]["angle_rmse_deg"] < 1.0
 
@@ -363,6 +369,7 @@ def test_the_developer_recordings_load_on_every_axis() -> None:
         loaded = recording.load(path)
         for axis in AXES:
             one = recording.pick_axis(loaded, axis)
+            # The counts use the range: 97 % of 16 bits.
             assert len(one.raw) >= 10_000 and np.max(np.abs(one.raw[:, 0])) >= 31_900
             if loaded.ref_quat is not None and path.name.startswith("broad_02") and axis != "z":
                 # Slow rotation without translation: the accelerometer across the axis shows the reference's tilt.
@@ -371,4 +378,5 @@ def test_the_developer_recordings_load_on_every_axis() -> None:
                     one.raw[:, 2] * one.calibration.accel_up.unit_per_count,
                 )
                 error = (np.degrees(np.arctan2(y, z)) - one.truth_deg + 180.0) % 360.0 - 180.0
+                # A hand accelerates by up to 0.14 g: 8 deg. A wrong axis or sign costs tens.
                 assert float(np.sqrt(np.mean(error[one.scored] ** 2))) < 8.0

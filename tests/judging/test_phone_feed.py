@@ -130,6 +130,7 @@ def test_a_phone_over_loopback_is_followed_and_every_step_agrees(
     outcome, intake, seen = fed(native, form(run))
     assert outcome.verdict == "pass" and outcome.steps == round((SECONDS - 0.5) * 100)
     assert intake.received.apps.keys() == {app} and intake.received.malformed == 0
+    # What the filter may be off by in this motion; an angle or a sign that is wrong costs tens of degrees.
     assert worst_deg(seen, run, late_s=0.008 if app == "SensaGram" else 0.005) < 2.0
 
 
@@ -161,9 +162,11 @@ def test_trouble_on_the_way_is_counted_and_changes_little(native: Board) -> None
     outcome, intake, seen = fed(native, rough)
     counts, received = intake.resampler.counts, intake.received
     assert outcome.verdict == "pass" and counts.runs == 1 and outcome.steps == round((SECONDS - 0.5) * 100)
+    # What was on its way at the end is sent, and not received.
     assert received.malformed == pytest.approx(damaged, abs=10) and received.malformed > 20
     assert counts.late == pytest.approx(late, abs=3) and counts.late > 5
     assert counts.duplicate > 0.8 * doubled and counts.reordered > 100 and lost > 150
+    # Half more than without trouble: one in ten samples is lost.
     assert worst_deg(seen, run, late_s=0.008) < 3.0
 
 

@@ -35,6 +35,7 @@ def test_shipped_tunings_keep_their_budget_over_a_million_steps(name: str) -> No
     params = quantise(quad.TUNINGS[name])
     inputs = accuracy.hard_inputs(params, STEPS, seed=11)
     z_deg = inputs.tilt_turn_q32 * accuracy.TURN_DEG
+    # The inputs are hard: they cross the half turn, and R takes nearly all of its range of a thousand.
     assert z_deg.min() < -179.9 and z_deg.max() > 179.9
     if params["tilt.r_max"] > params["tilt.r_base"]:
         assert inputs.variance.max() > 900 * inputs.variance.min()
@@ -101,5 +102,6 @@ def test_the_whole_chain_from_counts(name: str) -> None:
         tilt_deg = words["tilt_turn_q32"] * accuracy.TURN_DEG
         error_deg = float(np.abs(reference_kernels.wrap(tilt_deg - truth["tilt_deg"])).max())
         assert error_deg <= min(5e-4, accuracy.chain_bound_deg(params, float(np.abs(truth["innovation_deg"]).max())))
+        # A count of the gyro is 1.2 deg/s: the bias is within a five-hundredth of it; a pulse is within its unit.
         assert np.abs(words["bias_turnps_q28"] * 360 / 2**28 - truth["bias_dps"]).max() <= 2e-3
         assert np.abs(words["pulse_halfus_0"] / 2 - truth["pulse_0_us"]).max() <= 0.5

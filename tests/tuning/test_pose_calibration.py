@@ -60,9 +60,11 @@ def test_gains_zeros_and_signs_are_found() -> None:
     after = calibration.residual(POSES, READINGS, whole, TURN, moving, 90.0)
     before = calibration.residual(POSES, READINGS, NOMINAL, TURN, moving, 90.0)
     assert max(after.norm_g, after.pose_deg, abs(after.bias_dps), abs(after.turn_deg)) < 1e-4
+    # As TRUE is made: scales off by more than 2 %, and the gyro the wrong way round, -180 deg for 90 and more.
     assert before.norm_g > 0.02 and before.bias_dps == pytest.approx(4.8) and before.turn_deg < -150.0
     words = calibration.words(whole, UNITS)
     again = calibration.channels_of(words, UNITS)
+    # A word keeps a gain to 1e-4 (its last bit).
     assert again["accel_up"].unit_per_count == pytest.approx(-0.00097, rel=1e-4) and words["gyro.gain"] < 0
 
 
@@ -100,6 +102,7 @@ def test_a_pose_that_was_held_badly_is_named() -> None:
     crooked = {**READINGS, "motor 0 up": reading(81.0)}
     channels = {**NOMINAL, **calibration.accelerometer(POSES, crooked, NOMINAL)}
     worst = calibration.worst_pose(POSES, crooked, channels)
+    # It was held 9 deg off; the fit takes some of that for scale and zero of its axis.
     assert worst is not None and worst[0].name == "motor 0 up" and worst[1] == pytest.approx(9.0, abs=1.5)
     channels = {**NOMINAL, **calibration.accelerometer(POSES, READINGS, NOMINAL)}
     assert calibration.worst_pose(POSES, READINGS, channels) is None

@@ -89,11 +89,13 @@ def test_what_a_part_has_is_found_however_it_is_mounted(number: int) -> None:
     rng = np.random.default_rng(number)
     errors = errors_of(rotations()[number], rng)
     accel = vector_calibration.accelerometer(POSES, means_of(errors, rng, 0.0), ACCEL)
+    # A mean has 0.0375 counts rms of noise, 0.15 mg. Zeros, scales and axes come of two means each, 0.1 mg: five
+    # times that.
     assert np.allclose(accel.zeros * ACCEL.unit_per_count, errors.accel_zero_g, atol=0.5e-3)
     scales = np.linalg.norm(errors.accel, axis=1)
     assert np.allclose(ACCEL.unit_per_count / accel.units, scales, rtol=0.5e-3)
     found = accel.matrix @ np.diag(accel.units / ACCEL.unit_per_count)
-    assert np.allclose(found @ errors.accel, np.eye(3), atol=1.5e-3)
+    assert np.allclose(found @ errors.accel, np.eye(3), atol=0.5e-3)
     turns = [turned(errors, turn.begin, turn.end, rng) for turn in TURNS]
     zeros = gyro_counts(errors, np.zeros(3))
     gyro = vector_calibration.gyroscope(turns, zeros, GYRO, accel)
@@ -111,6 +113,7 @@ def test_crooked_poses_cost_little_scale_and_zero(number: int) -> None:
     fit = vector_calibration.accelerometer(POSES, means_of(errors, rng, 0.035), ACCEL)
     assert np.allclose(ACCEL.unit_per_count / fit.units, np.linalg.norm(errors.accel, axis=1), rtol=4e-3)
     assert np.allclose(fit.zeros * ACCEL.unit_per_count, errors.accel_zero_g, atol=5e-3)
+    # Of 12 draws of 0.035 rad, half of which the fit takes up.
     assert 0.01 < fit.held_rad < 0.08
     askew = fit.matrix @ np.diag(fit.units / ACCEL.unit_per_count) @ errors.accel
     assert np.max(np.abs(askew - vector_calibration.nearest_rotation(askew))) < 0.02  # crooked poses alone: 0.035
