@@ -20,8 +20,9 @@ setup: ## install what the tests need, where it is missing
 	@tools/setup.sh test
 
 # A worker per core; one that has nothing left takes tests from another. A skip that tests/conftest.py does not allow fails.
-# Python keeps what it has compiled, whatever the environment says: the tests start it some hundred times.
-PYTEST = PYTHONDONTWRITEBYTECODE= PLUMB_NO_SKIPS=1 $(VENV)/python -m pytest -n auto --dist worksteal
+# Python keeps what it has compiled, whatever the environment says: the tests start it some hundred times. Their matrices are
+# small: threads of numpy's library would wait for each other beside the workers.
+PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 PLUMB_NO_SKIPS=1 $(VENV)/python -m pytest -n auto --dist worksteal
 
 test: ## everything that has to hold before a change lands: style, C tests, sanitizers, pytest
 	@tools/setup.sh test

@@ -33,12 +33,13 @@ class Plumb:
 
 
 def build(source: Path, target: Path, python: Path, *options: str, image: str = "") -> tuple[Path, Path]:
-    """The native core and the flash image of the sources. The core without optimisation, which builds twice as fast.
-    image: the systems of the image, where they are fewer than those of the core."""
+    """The native core and the flash image of the sources, nothing else: the cores for QEMU and the C library would double
+    the time. The core without optimisation, which builds twice as fast. image: the systems of the image, where they are
+    fewer than those of the core."""
     chip = f"-DCMAKE_TOOLCHAIN_FILE={source}/firmware/ports/stm32f103/toolchain.cmake"
-    for name, own in (
-        ("native", ["-DPLUMB_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug"]),
-        ("image", [chip, "-DCMAKE_BUILD_TYPE=Image", *([f"-DPLUMB_SYSTEMS={image}"] if image else [])]),
+    for name, wanted, own in (
+        ("native", "python_libraries", ["-DPLUMB_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug"]),
+        ("image", "firmware", [chip, "-DCMAKE_BUILD_TYPE=Image", *([f"-DPLUMB_SYSTEMS={image}"] if image else [])]),
     ):
         configure: list[str | Path] = [
             "cmake",
@@ -50,7 +51,8 @@ def build(source: Path, target: Path, python: Path, *options: str, image: str = 
             "Ninja",
             f"-DPython3_EXECUTABLE={python}",
         ]
-        commands: list[list[str | Path]] = [[*configure, *own, *options], ["cmake", "--build", target / name]]
+        finish: list[str | Path] = ["cmake", "--build", target / name, "--target", wanted]
+        commands = [[*configure, *own, *options], finish]
         for command in commands:
             done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
             assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
