@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import random
 import shutil
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ import pytest
 pytest.importorskip("capstone")
 
 from plumb.bench.m3_timing import Decoder, Instruction, path_cost
+from plumb.bench.path_costs import PathCosts
 
 RETURN = "7047"  # bx lr: 1 + refill of 2
 ADD, NOP = "0844", "00bf"
@@ -100,6 +103,23 @@ def test_a_literal_load_waits_for_the_flash() -> None:
     assert literal.cycles - plain.cycles == 1
     # One cycle more as without wait states, and two waits.
     assert literal.cycles_2ws - plain.cycles_2ws >= 3
+
+
+def test_costs_by_blocks_are_those_of_the_whole_path() -> None:
+    """Drawn code in blocks, and drawn paths that mostly go on with the next block: entered in many states of flash, CRC
+    unit and stack."""
+    rng, kinds = random.Random(4), [ADD, UDIV, LITERAL, LOAD_R0_R1, STORE_R2_R1, STORE_R2_R1, ADD_WIDE, PUSH3, GROW_16]
+    code = path("".join(rng.choices(kinds, k=120)))
+    cuts = [0, *sorted(rng.sample(range(1, 120), 50)), 120]
+    blocks = [code[start:end] for start, end in pairwise(cuts)]
+    stores = {one.address for one in code if one.name == "str"}
+    costs = PathCosts(stores)
+    for _ in range(300):
+        at, drawn = rng.randrange(len(blocks)), []
+        for _ in range(rng.randint(1, 30)):
+            drawn.append(blocks[at])
+            at = (at + 1) % len(blocks) if rng.random() < 0.8 else rng.randrange(len(blocks))
+        assert costs.of(drawn) == path_cost([one for block in drawn for one in block], stores)
 
 
 ASSEMBLY = """

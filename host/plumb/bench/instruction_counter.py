@@ -21,11 +21,11 @@ from plumb.bench.m3_timing import (
     Decoder,
     Instruction,
     instruction_cycles,
-    path_cost,
     path_steps,
     require,
     steps_cost,
 )
+from plumb.bench.path_costs import PathCosts
 from plumb.errors import UsageError
 from plumb.f103.machine import Machine
 from plumb.f103.peripherals import crc
@@ -125,6 +125,8 @@ class Counter:
         self._sizes: dict[int, int] = {}
         self._blocks: dict[tuple[int, int], list[Instruction]] = {}
         self._costs: dict[tuple[int, ...], Cost] = {}
+        self._path_costs: dict[frozenset[int], PathCosts] = {}
+        """By the stores to the CRC unit that were seen until then."""
         self._nested: dict[tuple[int, ...], list[tuple[str, tuple[int, ...]]]] = {}
         self.profiles = {name: Profile(name) for name in watch}
         self._watched = {image.symbols[name].address: name for name in watch if name in image.symbols}
@@ -202,7 +204,11 @@ class Counter:
 
     def cost(self, blocks: tuple[int, ...]) -> Cost:
         if blocks not in self._costs:
-            cost = path_cost(self.path(blocks), self._unit_stores())
+            stores = frozenset(self._unit_stores())
+            if stores not in self._path_costs:
+                self._path_costs[stores] = PathCosts(stores)
+            code = [self._block(start, self._sizes[start]) for start in blocks if start >= 0]
+            cost = self._path_costs[stores].of(code)
             tables = sum(block < 0 for block in blocks)
             self._costs[blocks] = replace(cost, cycles_2ws=cost.cycles_2ws + tables * TABLE_READ_CYCLES_2WS)
         return self._costs[blocks]

@@ -32,7 +32,6 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import zip_longest
 from typing import Any, NamedTuple
 
 from plumb.extras import required
@@ -174,6 +173,15 @@ class _Flash:
             cycles += self._free - self.time - 1
         self.time += cycles
 
+    @property
+    def state(self) -> tuple[int, tuple[tuple[int, int], ...]]:
+        """When it is free, and its lines with their arrival, counted from now."""
+        lines = tuple((line, max(0, arrival - self.time)) for line, arrival in self._ready.items())
+        return max(0, self._free - self.time), lines
+
+    def restore(self, free: int, lines: tuple[tuple[int, int], ...]) -> None:
+        self.time, self._free, self._ready = 0, free, dict(lines)
+
 
 class _CrcUnit:
     """The CRC unit: a word keeps it busy for 4 cycles (RM0008 4.2), in which a store to it waits."""
@@ -181,9 +189,16 @@ class _CrcUnit:
     def __init__(self) -> None:
         self._free = 0
 
+    def busy(self, time: int) -> int:
+        """Cycles from `time` on in which a store waits."""
+        return max(0, self._free - time)
+
+    def restore(self, busy: int) -> None:
+        self._free = busy
+
     def wait(self, time: int) -> int:
         """Cycles that a store at `time` waits."""
-        waits = max(0, self._free - time)
+        waits = self.busy(time)
         self._free = time + waits + CRC_UNIT_CYCLES
         return waits
 
@@ -197,22 +212,51 @@ class Step(NamedTuple):
     stack: int
 
 
+State = tuple[int, tuple[tuple[int, int], ...], int, int]
+"""What the cost of the next instructions depends on, relative to the present: when the flash is free, its lines with
+their arrival, and when the CRC unit is free at zero and at two wait states; cycles."""
+
+
+class Pipeline:
+    """A path in pieces, one after the other. unit_writes: addresses of the stores to the CRC unit."""
+
+    def __init__(self, unit_writes: Container[int] = ()) -> None:
+        self._flash, self._unit, self._unit_2ws = _Flash(), _CrcUnit(), _CrcUnit()
+        self._unit_writes, self._cycles, self._depth = unit_writes, 0, 0
+
+    @property
+    def state(self) -> State:
+        return (*self._flash.state, self._unit.busy(self._cycles), self._unit_2ws.busy(self._flash.time))
+
+    def restore(self, state: State) -> None:
+        """Begin anew, at time 0 and without a stack, in this state."""
+        self._flash.restore(*state[:2])
+        self._cycles = self._depth = 0
+        self._unit.restore(state[2])
+        self._unit_2ws.restore(state[3])
+
+    def steps(
+        self, piece: Sequence[Instruction], before: Instruction | None = None, behind: Instruction | None = None
+    ) -> Iterator[Step]:
+        """Steps of a piece. before, behind: the instructions around it; None: the caller's."""
+        flash = self._flash
+        for index, now in enumerate(piece):
+            after = piece[index + 1] if index + 1 < len(piece) else behind
+            taken = after is None or after.address != now.address + now.size
+            took, begun_2ws = instruction_cycles(now, before, taken, after), flash.time
+            before = now
+            waits, waits_2ws = 0, 0
+            if now.address in self._unit_writes:
+                waits, waits_2ws = self._unit.wait(self._cycles), self._unit_2ws.wait(flash.time)
+            self._cycles += took + waits
+            flash.execute(now, took + waits_2ws)
+            self._depth += now.stack_change
+            yield Step(now, took + waits, flash.time - begun_2ws, -self._depth)
+
+
 def path_steps(path: Sequence[Instruction], unit_writes: Container[int] = ()) -> Iterator[Step]:
     """Steps of a path that ends with the return to the caller. unit_writes: addresses of the stores to the CRC unit."""
-    flash, cycles, depth = _Flash(), 0, 0
-    unit, unit_2ws = _CrcUnit(), _CrcUnit()
-    before: Instruction | None = None
-    for now, after in zip_longest(path, path[1:]):
-        taken = after is None or after.address != now.address + now.size
-        took, begun_2ws = instruction_cycles(now, before, taken, after), flash.time
-        before = now
-        waits, waits_2ws = 0, 0
-        if now.address in unit_writes:
-            waits, waits_2ws = unit.wait(cycles), unit_2ws.wait(flash.time)
-        cycles += took + waits
-        flash.execute(now, took + waits_2ws)
-        depth += now.stack_change
-        yield Step(now, took + waits, flash.time - begun_2ws, -depth)
+    return Pipeline(unit_writes).steps(path)
 
 
 def steps_cost(steps: Sequence[Step]) -> Cost:
