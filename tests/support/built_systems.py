@@ -33,9 +33,9 @@ class Plumb:
 
 
 def build(source: Path, target: Path, python: Path, *options: str, image: str = "") -> tuple[Path, Path]:
-    """The native core and the flash image of the sources, nothing else: the cores for QEMU and the C library would double
-    the time. The core without optimisation, which builds twice as fast. image: the systems of the image, where they are
-    fewer than those of the core."""
+    """The native core and the flash image of the sources, nothing else: the cores for QEMU and the C library would
+    double the time. The core without optimisation, which builds twice as fast. image: the systems of the image, where
+    they are fewer than those of the core."""
     chip = f"-DCMAKE_TOOLCHAIN_FILE={source}/firmware/ports/stm32f103/toolchain.cmake"
     for name, wanted, own in (
         ("native", "python_libraries", ["-DPLUMB_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug"]),
