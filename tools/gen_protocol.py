@@ -18,7 +18,7 @@ sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests"), str(ROOT / "tools")]
 
 from measure_residuals import residual_table  # type: ignore[import-not-found]  # noqa: E402
 from plumb.bench import bus_load  # noqa: E402
-from plumb.link.session import PERIODIC  # noqa: E402
+from plumb.link.board_frames import PERIODIC  # noqa: E402
 from plumb.link.transports.slcan import frame_of_line, text_of_frames  # noqa: E402
 from plumb.spec import parameters  # noqa: E402
 from plumb.spec.protocol import Message, load_database, protocol  # noqa: E402

@@ -10,7 +10,8 @@ import pytest
 
 from plumb import systems
 from plumb.bench import bus_load
-from plumb.link.session import PERIODIC, Session
+from plumb.link.board_frames import PERIODIC
+from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from support.native_board import NativeBoard

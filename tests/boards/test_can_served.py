@@ -142,7 +142,7 @@ def test_an_adapter_set_to_another_bit_rate_hears_nothing(served: Served, monkey
         other = can.Bus(interface="slcan", channel=channel, bitrate=bitrate, sleep_after_open=0)
         if bitrate == 250_000:
             with monkeypatch.context() as short:
-                short.setattr("plumb.link.session.REPLY_TIMEOUT_S", 0.02)
+                short.setattr("plumb.link.board_frames.REPLY_TIMEOUT_S", 0.02)
                 with pytest.raises(LinkError, match="can_bitrate_kbit is the bus's bit rate"):
                     Session.over(other)
         else:

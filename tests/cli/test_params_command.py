@@ -401,7 +401,7 @@ def test_a_board_of_other_definitions_is_shown_in_integers(
     def of_other_definitions(*of: Any) -> Identity:
         return replace(identity_of(*of), mismatch="the board was built from other message definitions")
 
-    monkeypatch.setattr("plumb.link.session.identity_of", of_other_definitions)
+    monkeypatch.setattr("plumb.link.board_frames.identity_of", of_other_definitions)
     code, out, err = params(capsys, "list")
     assert code == 0 and "shown as integers" in err and len(out.splitlines()) == 1 + len(DEFAULTS)
     code, out, err = params(capsys, "set", "pid.kp=0.05")

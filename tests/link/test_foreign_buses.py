@@ -197,7 +197,7 @@ def test_a_peer_that_is_no_socketcand_is_link_trouble(handler: Handler, monkeypa
 
 @pytest.mark.parametrize("handler", [until_closed, noise])
 def test_a_peer_that_is_no_board_is_link_trouble(handler: Handler, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("plumb.link.session.REPLY_TIMEOUT_S", 0.02)
+    monkeypatch.setattr("plumb.link.board_frames.REPLY_TIMEOUT_S", 0.02)
     monkeypatch.setattr("plumb.link.parameter_transfer.REPLY_TIMEOUT_S", 0.02)
     with peer(handler) as address, pytest.raises(LinkError, match="does not answer"):
         Session.over(open_bus(f"tcp:{address}"))

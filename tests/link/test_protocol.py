@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from plumb.link.session import PERIODIC
+from plumb.link.board_frames import PERIODIC
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol

@@ -20,7 +20,8 @@ import can
 import pytest
 
 from plumb.errors import LinkError
-from plumb.link.session import PERIODIC, Session
+from plumb.link.board_frames import PERIODIC
+from plumb.link.session import Session
 from plumb.link.transports.slcan import text_of_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plumb.link.session import PERIODIC
+from plumb.link.board_frames import PERIODIC
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec.protocol import Frame, protocol
 from support.native_board import NativeBoard

@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plumb import systems
+from plumb.link.board_frames import KEEPALIVE_EVERY_S, PERIODIC
 from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.sample_codec import InputLayout, layout_of
 from plumb.link.selection import raw_frames_of
-from plumb.link.session import KEEPALIVE_EVERY_S, PERIODIC
 from plumb.spec import dbc
 from plumb.spec.records import RECORDS
 from plumb.systems.contracts import PINS

@@ -23,7 +23,7 @@ from plumb.cli import options
 
 if TYPE_CHECKING:
     from plumb.boards.link import LinkBoard
-    from plumb.cockpit.board_loop import PlantOnBoard
+    from plumb.cockpit.board_run import PlantOnBoard
 
 SWITCH_S = 0.001
 """Longest time that the thread of a simulated board keeps that of the pages from a heartbeat."""

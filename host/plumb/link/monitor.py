@@ -14,10 +14,11 @@ from functools import lru_cache
 from typing import Any
 
 from plumb.errors import LinkError
+from plumb.link.board_frames import PERIODIC
 from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausibility_text, sensors_text
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
 from plumb.link.selection import RAW_FRAMES, raw_frames_of, selectable
-from plumb.link.session import PERIODIC, Session
+from plumb.link.session import Session
 from plumb.link.unarmable import blocked_texts
 from plumb.spec import dbc, declarations
 from plumb.spec.protocol import Frame, protocol
