@@ -32,16 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--first-seed", type=int, metavar="N", help="seed of the first run (default 1000)")
     options.add_scenario(parser)
     options.add_tuning(parser)
-    parser.add_argument(
-        "--condition", action="append", default=[], metavar="NAME=NUMBER", help="condition of every run; repeatable"
-    )
-    parser.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="KIND[:WHAT]@START[-STOP]",
-        help="fault of every run, instead of the study's; repeatable",
-    )
+    options.add_conditions(parser, "condition of every run")
+    options.add_faults(parser, "fault of every run, instead of the study's; repeatable")
     options.add_open_loop(parser)
     parser.add_argument("--reference", action="store_true", help="compare every run with the float64 reference, too")
     parser.add_argument("--confirm", metavar="B", help="run every step on a further board and compare: virtual, qemu")

@@ -223,6 +223,17 @@ def add_tuning(parser: Options) -> None:
     parser.add_argument("--tuning", metavar="NAME", help="tuning (default: the system's own); a wrong name lists all")
 
 
+def add_conditions(parser: Options, text: str) -> None:
+    """--condition. text: of what."""
+    parser.add_argument("--condition", action="append", default=[], metavar="NAME=NUMBER", help=f"{text}; repeatable")
+
+
+def add_faults(parser: Options, text: str) -> None:
+    """--fault. text: which."""
+    metavar = "KIND[:WHAT]@START[-STOP]"
+    parser.add_argument("--fault", action="append", default=[], metavar=metavar, help=text)
+
+
 def add_open_loop(parser: Options) -> None:
     """--open-loop."""
     parser.add_argument("--open-loop", action="store_true", help="prescribed motion: the actuators move nothing")

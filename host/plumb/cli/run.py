@@ -36,15 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_scenario(parser)
     options.add_tuning(parser)
     parser.add_argument("--start", metavar="MODE", help="start-up mode of the filter, instead of the tuning's own")
-    parser.add_argument(
-        "--condition", action="append", default=[], metavar="NAME=NUMBER", help="condition of the scenario; repeatable"
-    )
-    parser.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="KIND[:WHAT]@START[-STOP]",
-        help="railed, stuck, noisy, silent of a sensor, a push, ...; repeatable; `plumb systems --system S` lists them",
+    options.add_conditions(parser, "condition of the scenario")
+    options.add_faults(
+        parser,
+        "railed, stuck, noisy, silent of a sensor, a push, ...; repeatable; `plumb systems --system S` lists them",
     )
     options.add_open_loop(parser)
     parser.add_argument("--live", action="store_true", help="`virtual` only: its own sensors and pins, in real time")

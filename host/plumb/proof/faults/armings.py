@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import LISTEN_S, Scene
@@ -105,12 +103,7 @@ def repeat(count: int) -> Action:
     def inject(scene: Scene) -> None:
         recorded = scene.recorded("SETPOINT")[-count:]
         cease(scene)
-        end_s = scene.now_s + OLD_HOST_S
-        for frame in itertools.cycle(recorded):
-            if scene.now_s >= end_s:
-                break
-            scene.session.frames.write_frames([frame])
-            scene.run(REPEATED_EVERY_S)
+        scene.send_again(recorded, OLD_HOST_S, REPEATED_EVERY_S)
 
     return inject
 

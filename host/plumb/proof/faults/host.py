@@ -104,12 +104,7 @@ def replay(count: int, *, backwards: bool = False) -> Action:
         if backwards:
             recorded.reverse()
         scene.host_alive = False
-        end_s = scene.now_s + REPLAYED_S
-        for frame in itertools.cycle(recorded):
-            if scene.now_s >= end_s:
-                break
-            scene.session.frames.write_frames([frame])
-            scene.run(REPLAY_EVERY_S)
+        scene.send_again(recorded, REPLAYED_S, REPLAY_EVERY_S)
 
     return inject
 

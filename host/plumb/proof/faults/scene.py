@@ -3,6 +3,7 @@ estimating where it drives nothing."""
 
 from __future__ import annotations
 
+import itertools
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -189,6 +190,15 @@ class Scene:
                 self.session.receive(wait_s)
             else:
                 self.listen(wait_s)
+
+    def send_again(self, frames: Sequence[Frame], seconds: float, every_s: float) -> None:
+        """For so long something sends these frames over and over, byte for byte."""
+        end_s = self.now_s + seconds
+        for frame in itertools.cycle(frames):
+            if self.now_s >= end_s:
+                break
+            self.session.frames.write_frames([frame])
+            self.run(every_s)
 
     def run_until(self, holds: Callable[[], bool], limit_s: float) -> bool:
         """Until holds() does, looked at every LISTEN_S; False when the limit came first."""
