@@ -62,25 +62,42 @@ static plumb_params_t table_of(const char *text) {
 static uint32_t plausibility(plumb_plausibility_t *s) {
     plumb_plausibility_step(s, control_system(&params)->plausibility, control_words(&control),
                             params.kalman.dt_s_q33, variance_turn2_q56);
-    uint32_t words[15];
-    memcpy(words, s, 11U * sizeof words[0]); /* its members of 32 bits; this port is little-endian */
-    words[11] = s->begun;
-    words[12] = s->converged;
-    words[13] = s->failed;
-    words[14] = s->missing;
+    uint32_t words[16];
+    memcpy(words, s, 12U * sizeof words[0]); /* its members of 32 bits; this port is little-endian */
+    words[12] = s->begun;
+    words[13] = s->converged;
+    words[14] = s->failed;
+    words[15] = s->missing;
     return digest_crc32(words, sizeof words);
 }
 
-/* The next step's counts, after other parameters if there are any; false at the end. */
-static bool read_step(int16_t raw[6], int32_t *setpoint) {
+/* The inputs of a step, of which a system has up to PLUMB_RAW_MAX, and its setpoint; false when these are
+ * none. */
+static bool inputs_of(char *text, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint) {
+    long numbers[PLUMB_RAW_MAX + 1U];
+    size_t count = 0;
+
+    for (char *end = NULL; count <= PLUMB_RAW_MAX; text = end) {
+        numbers[count] = strtol(text, &end, 10);
+        if (end == text)
+            break;
+        count++;
+    }
+    for (size_t i = 0; i < PLUMB_RAW_MAX; i++)
+        raw[i] = i + 1U < count ? (int16_t)numbers[i] : 0;
+    *setpoint = count > 0 ? (int32_t)numbers[count - 1U] : 0;
+    return count > 3;
+}
+
+/* The next step's inputs, after other parameters if there are any; false at the end. */
+static bool read_step(int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint) {
     while (fgets(line, sizeof line, stdin) != NULL) {
         if (strncmp(line, "retune ", 7) == 0) {
             const plumb_params_t before = params;
             params = table_of(line);
             control_retune(&control, &before, &params);
         } else {
-            return sscanf(line, "%" SCNd16 "%" SCNd16 "%" SCNd16 "%" SCNd16 "%" SCNd16 "%" SCNd16 "%" SCNd32,
-                          &raw[0], &raw[1], &raw[2], &raw[3], &raw[4], &raw[5], setpoint) == 7;
+            return inputs_of(line, raw, setpoint);
         }
     }
     return false;
@@ -97,7 +114,7 @@ int main(void) {
     control_init(&control, &params);
     plumb_plausibility_init(&state);
     for (long step = 0; step < steps; step++) {
-        int16_t raw[6];
+        int16_t raw[PLUMB_RAW_MAX];
         int32_t setpoint;
         uint32_t digest;
         if (strcmp(kind, "refusal") == 0) {

@@ -138,6 +138,6 @@ def test_what_cannot_be_tuned_is_refused(tmp_path: Path) -> None:
     path = recording(tmp_path)
     with pytest.raises(UsageError, match="no tuning 'gold'"):
         filter_inputs.inputs_of(path, "quad", "gold", "x", None, None)
-    other = without_group("pid")
+    other = without_group("pid", "replay")
     with pytest.raises(UsageError, match=f"{other} has no one-axis filter"):
         filter_inputs.inputs_of(path, other, None, "x", None, None)

@@ -138,7 +138,7 @@ def test_six_inputs_in_their_order(six: Bench) -> None:
     capture = six.begin()
     assert six.run(capture, 0.2) >= 0.2e6 / PERIOD_US - 2
     means = capture.raw_counts(30)[5:].mean(0)
-    assert means.tolist() == pytest.approx([volts / LSB_V for volts in SIX_VOLTS], abs=2.0)
+    assert means[: len(SIX_VOLTS)].tolist() == pytest.approx([volts / LSB_V for volts in SIX_VOLTS], abs=2.0)
     assert six.machine.warnings == []
 
 

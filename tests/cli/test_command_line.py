@@ -136,7 +136,7 @@ def options(parser: argparse.ArgumentParser, verb: tuple[str, ...] = ()) -> Iter
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["run", "quadrotor"], "there is no system 'quadrotor'; this version has quad"),
+        (["run", "hexacopter"], "there is no system 'hexacopter'; this version has quad"),
         (["run", "quad", "--scenario", "x"], "quad has no scenario 'x'; it has motion"),
         (["run", "quad", "--tuning", "x"], "quad has no tuning 'x'; it has adaptive"),
         (["run", "quad", "--start", "x"], "quad has no start-up mode 'x'; it has paper"),
@@ -146,9 +146,9 @@ def options(parser: argparse.ArgumentParser, verb: tuple[str, ...] = ()) -> Iter
         (["replay", "nothere.plog"], "cannot read nothere.plog: No such file"),
         (["replay", "nothere.csv"], "cannot read nothere.csv: No such file"),
         (["params", "load", "nothere.toml"], "cannot read nothere.toml: No such file"),
-        (["params", "tuning", "quadrotor"], "there is no system 'quadrotor'"),
+        (["params", "tuning", "hexacopter"], "there is no system 'hexacopter'"),
         (["calibrate", "--answers", "nothere"], "cannot read nothere: No such file"),
-        (["monitor", "--system", "quadrotor"], "there is no system 'quadrotor'"),
+        (["monitor", "--system", "hexacopter"], "there is no system 'hexacopter'"),
     ],
     ids=str,
 )

@@ -158,7 +158,7 @@ def test_the_board_s_faults_are_named(board: NativeBoard) -> None:
 
 
 @pytest.mark.parametrize("system", declarations.names())
-@pytest.mark.parametrize(("period_us", "frames"), [(20_000, 8), (2_000, 4), (1_000, 1), (500, 1)])
+@pytest.mark.parametrize(("period_us", "frames"), [(20_000, 16), (2_000, 4), (1_000, 1), (500, 1)])
 def test_a_run_asks_for_no_more_than_the_line_carries(period_us: int, frames: int, system: str) -> None:
     chosen = monitor.selection(period_us, system)
     assert chosen == monitor.selection(100_000, system)[:frames]

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from plumb import __main__ as front
-from plumb import systems
 from plumb.link.session import Session
+from plumb.spec import declarations
 from support.sessions import listen
 
 WITHOUT_UNICORN = "import sys; sys.modules['unicorn'] = None; from plumb.__main__ import main; sys.exit(main())"
@@ -42,7 +42,7 @@ def test_golden_vectors_pass_and_ctrl_c_ends_it(capsys: pytest.CaptureFixture[st
     capsys.readouterr()
 
 
-@pytest.mark.parametrize("name", [name for name in systems.SYSTEMS if systems.load(name).OUTPUTS])
+@pytest.mark.parametrize("name", [name for name, declared in declarations.systems().items() if declared.is_driven])
 def test_it_comes_up_as_a_system_with_its_plant_on_the_sensors(name: str) -> None:
     with served("--system", name) as (address, _), Session.open(address) as session:
         assert "saved in flash" in session.connect().parameter_source

@@ -13,6 +13,7 @@ import pytest
 from plumb.boards import native_build, native_core
 from plumb.cli import doctor
 from plumb.errors import UsageError
+from plumb.spec import dbc
 from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import ControlParams, quantise
@@ -58,7 +59,8 @@ def test_a_library_of_other_words_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         (np.full((5, 6), 32768), np.zeros(5, int), "16 bits"),
         (np.zeros((5, 6), int), np.full(5, 1 << 31), "32 bits"),
         (np.zeros((5, 2), int), np.zeros(5, int), "3 to 6"),
-        (np.zeros((5, 7), int), np.zeros(5, int), "3 to 6"),
+        (np.zeros((5, dbc.inputs_most() + 1), int), np.zeros(5, int), "3 to 6"),
+        (np.ones((5, 7), int), np.zeros(5, int), "3 to 6"),
         (np.zeros(5, int), np.zeros(5, int), "3 to 6"),
         (np.zeros((5, 6), int), np.zeros(4, int), "do not match"),
         (np.zeros((5, 6, 2), int), np.zeros(5, int), "do not match"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from plumb.boards import native_core
-from plumb.spec import parameters
+from plumb.spec import declarations, parameters
 from plumb.tuning.quantise import ControlParams
 
 DEFAULT = {row.name: row.default for row in parameters.table() if row.owner == "control"}
@@ -35,7 +35,7 @@ def test_the_factory_values_are_valid() -> None:
         ("gyro.offset", 100 - LIMIT, 99 - LIMIT, UNIT_GAIN),
         ("gyro.offset", LIMIT - 100, LIMIT - 99, UNIT_GAIN | {"gyro.gain": -1}),
         ("gyro.offset", 100 - LIMIT, 99 - LIMIT, UNIT_GAIN | {"gyro.gain": -1}),
-        ("system", 0, 5, {}),
+        ("system", 0, 1 + max(one.number for one in declarations.systems().values()), {}),
         ("tilt.mode", 1, 2, {}),
         ("tilt.r_base", 1, 0, {}),
         ("tilt.r_max", 5000, 4999, {"tilt.r_base": 5000}),

@@ -33,4 +33,4 @@ def test_a_step_that_lost_a_frame_is_unverified(lost: str) -> None:
             capture.feed([frame for frame in frames_of(step) if frame[0] != dropped])
         assert capture.unverified_from(STEPS) == 70
         assert capture.unverified_from(70) is None
-        assert capture.raw[69] == [69, 1, 2, 3, 4, 5]
+        assert capture.raw[69][:6] == [69, 1, 2, 3, 4, 5]

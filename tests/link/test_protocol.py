@@ -142,7 +142,7 @@ def test_limits_of_every_parameter(opened: NativeBoard, index: int) -> None:
 
 
 def test_dump_and_wrong_index(opened: NativeBoard) -> None:
-    values = said(opened.say(frame("PARAM_GET", 0xFFFF, 0), turns=40))
+    values = said(opened.say(frame("PARAM_GET", 0xFFFF, 0), turns=len(parameters.table())))
     assert [words["index"] for _, words in values] == list(range(len(parameters.table())))
     count = len(parameters.table())
     for request in ("PARAM_GET", "PARAM_SET"):

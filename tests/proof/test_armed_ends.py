@@ -20,7 +20,7 @@ from plumb.proof.faults.fault import Fault
 from plumb.proof.faults.limits import limits
 from plumb.proof.faults.runner import Row, Runner
 from plumb.proof.faults.scene import scenarios_of
-from plumb.spec import armed_values, parameters
+from plumb.spec import armed_values, declarations, parameters
 from plumb.systems import shipped_tunings
 
 try:
@@ -29,7 +29,10 @@ except UsageError as missing:
     pytest.skip(str(missing), allow_module_level=True)
 
 SCENES = [
-    (name, scenario) for name in systems.SYSTEMS if systems.load(name).OUTPUT_FRAMES for scenario in scenarios_of(name)
+    (name, scenario)
+    for name, declared in declarations.systems().items()
+    if declared.is_driven
+    for scenario in scenarios_of(name)
 ]
 LIMITED = {row.name: row for row in parameters.table() if row.armed}
 FILTER = ("kalman.", "tilt.", "start.", "period_us", "variance_turn2_q56")

@@ -26,6 +26,7 @@ from plumb.proof.faults.reports import Told
 from plumb.proof.faults.runner import Row, Runner
 from plumb.proof.faults.scene import Scene
 from plumb.proof.faults.sensors import ANALOG
+from plumb.spec import declarations
 from support.campaigns import LONG, campaign
 
 LEAST = {
@@ -34,7 +35,7 @@ LEAST = {
 RATE_CHECK = 2
 """Bit of PLAUSIBILITY."""
 ROOT = Path(__file__).parents[2]
-DRIVEN = [name for name in systems.SYSTEMS if systems.load(name).OUTPUT_FRAMES]
+DRIVEN = [name for name, declared in declarations.systems().items() if declared.is_driven]
 
 try:
     find_image()

@@ -13,7 +13,8 @@ from plumb.spec.records import names_of
 def test_every_word_is_used(system: str) -> None:
     rows = {row.name: row for row in ranges.used(system)}
     assert tuple(rows) == names_of(system)
-    assert all(row.worst > 0 for row in rows.values()), "a word that no vector ever moves proves nothing"
+    filled = [row for name, row in rows.items() if not name.startswith("unused_")]  # what fills a frame of inputs is 0
+    assert all(row.worst > 0 for row in filled), "a word that no vector ever moves proves nothing"
 
 
 def test_quads_words_stay_within_what_the_design_says() -> None:

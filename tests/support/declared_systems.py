@@ -24,9 +24,10 @@ def without_part(part: str) -> str:
     return found[-1] if found else pytest.skip(f"every declared system has {part}.py")
 
 
-def without_group(group: str) -> str:
-    """A system that reads no parameters of that group; the test is left out where every system does."""
-    found = [name for name in systems.SYSTEMS if group not in groups_of(name)]
+def without_group(group: str, part: str = "") -> str:
+    """A system that reads no parameters of that group, and has that part; the test is left out where none is so."""
+    able = systems.with_part(part) if part else systems.SYSTEMS
+    found = [name for name in able if group not in groups_of(name)]
     return found[-1] if found else pytest.skip(f"every declared system has the group {group}")
 
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from plumb.spec import dbc
+
 LIBRARY = Path(__file__).resolve().parents[2] / "build" / "native" / "tests" / "c" / "liblink_functions.so"
 
 
@@ -37,7 +39,8 @@ def unsafe(words: Sequence[int]) -> int:
 def first_doubt(words: Sequence[int], counts: npt.NDArray[np.int16]) -> int:
     """The first step, from 1 on, at which punctual injected samples with these counts disarm the board; 0: none."""
     table = (ctypes.c_uint32 * len(words))(*(word & 0xFFFFFFFF for word in words))
-    rows = np.ascontiguousarray(counts, np.int16)
+    rows = np.zeros((len(counts), dbc.inputs_most()), np.int16)
+    rows[:, : counts.shape[1]] = counts
     return int(library().injected_first_doubt(table, rows.ctypes.data_as(ctypes.c_void_p), ctypes.c_uint32(len(rows))))
 
 

@@ -50,7 +50,11 @@ def test_a_system_offers_its_presets(name: str) -> None:
         assert quantise(tuning).system == name and dequantise(quantise(tuning)).system == name
     run = system.scenario(system.DEFAULT_SCENARIO, 3, seconds=4.0)
     steps = round(4.0e6 / run.period_us)
-    assert run.steps == steps and run.counts().shape == (steps, 6) and run.setpoint().shape == (steps,)
+    assert (
+        run.steps == steps
+        and run.counts().shape == (steps, declarations.system(name).inputs)
+        and run.setpoint().shape == (steps,)
+    )
     assert all(values.shape[0] == steps for values in run.truth().values()) and run.scored.shape == (steps,)
 
 

@@ -65,6 +65,13 @@ class ParameterTransfer:
             self._session.counters.repeated_requests += 1
         raise LinkError(f"only {len(values)} of {count} parameters came back: check the cable")
 
+    def system(self) -> str:
+        """The system of the table last uploaded; otherwise of the board's first parameter, read once."""
+        if self.uploaded is None:
+            number = self._session.request("PARAM_GET", 0, 0, answer="PARAM_VALUE", first=0)["value"]
+            self.uploaded = declarations.name_of(number)
+        return self.uploaded
+
     def _collect(self, message: Message, values: dict[int, int], wanted: Collection[int]) -> None:
         """Collect (index, value) frames into `values` until every wanted index has arrived, or the reply time-out
         passes without a new one."""

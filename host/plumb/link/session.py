@@ -87,9 +87,7 @@ class Session(BoardFrames):
     @property
     def system(self) -> str:
         """The system of the parameters last uploaded; otherwise read from the board once."""
-        if self.parameters.uploaded is None:
-            self.parameters.uploaded = declarations.name_of(self.read_parameters()[0])
-        return self.parameters.uploaded
+        return self.parameters.system()
 
     @property
     def record_words(self) -> int:

@@ -78,7 +78,7 @@ def run_live(
     begun_s = sampling_began_s(board.machine)
     session.end()
     session.listener = None
-    raw = capture.raw_counts(steps)
+    raw = capture.raw_counts(steps)[:, : declarations.system(params.system).inputs]
     truth = columns([conversion.truth for conversion in conversions_of(coupling.taken, begun_s, raw)])
     inputs = RunInputs(scenario.time_s, truth, raw, capture.setpoints.of_steps(steps), scenario.scored)
     changes, unknown = changes_of(capture, params, steps)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from plumb.spec import declarations
 from plumb.spec.tuning import AnyTuning
 from plumb.systems import load
 from plumb.systems.contracts import REFERENCE
@@ -20,8 +21,9 @@ def run_control(
 ) -> dict[str, npt.NDArray[np.float64]]:
     """Run the reference model on raw counts; returns float arrays (steps[, runs]) by name, as the system defines them.
 
-    raw: (steps, counts[, runs]); setpoint: (steps[, runs]) in the integers of the system, default 0.
+    raw: (steps, counts[, runs]), with or without room for other systems; setpoint: (steps[, runs]) in the integers of
+    the system, default 0.
     """
     tuning = dequantise(settings) if isinstance(settings, ControlParams) else settings
     system = load(tuning.system, REFERENCE)
-    return system.run_control(tuning, raw, setpoint)
+    return system.run_control(tuning, np.asarray(raw)[:, : declarations.system(tuning.system).inputs], setpoint)

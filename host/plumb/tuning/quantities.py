@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.spec.parameters import Parameter
-from plumb.spec.tuning import CHOICE, NUMBER, AnyTuning, Quantity
+from plumb.spec.tuning import CHOICE, NUMBER, AnyTuning, ForOnePeriod, Quantity
 from plumb.tuning.quantise import ControlParams, dequantise, quantise
 
 Value = float | int | str
@@ -68,7 +68,8 @@ def _fields(kind: type, path: str = "", unit: str = "", meaning: str = "") -> It
     `quantity`."""
     types = get_type_hints(kind)
     for entry in fields(kind):
-        if entry.name == "exact_period_s" or (not path and entry.name == "period_us"):
+        of_a_run = not path or issubclass(kind, ForOnePeriod)  # a tuning may hold that of a system it stands on
+        if entry.name == "exact_period_s" or (of_a_run and entry.name == "period_us"):
             continue  # period_us is the link's
         inner = types[entry.name]
         said = entry.metadata.get("quantity", Quantity("", "") if is_dataclass(inner) else None)

@@ -169,7 +169,10 @@ def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, period
     steps = first + len(setpoint)
     if capture.unverified_from(steps) is not None:
         raise LinkError("samples were lost on the link in the test: nothing can be told from it; take a faster link")
-    raw, used = capture.raw_counts(steps), capture.setpoints.of_steps(steps)
+    raw, used = (
+        capture.raw_counts(steps)[:, : declarations.system(params.system).inputs],
+        capture.setpoints.of_steps(steps),
+    )
     if np.any(run_fixed.run_control(params, raw, used).digests() != capture.digests(steps)):
         raise LinkError("the board's steps differ from the integer model: run `plumb golden check` on it first")
     return LoopRun(params, excited, raw, used, first + begin, np.empty(0))
