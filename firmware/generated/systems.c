@@ -43,6 +43,24 @@ static const control_frame_t attitude_frames[] = {
     {0x407U, WORD(plumb_attitude_words_t, rate_turnps_q28[2]), 15U, WORD(plumb_attitude_words_t, attitude.z)}, /* QUATERNION_Z */
 };
 
+static const control_frame_t quadrotor_frames[] = {
+    {0x444U, WORD(plumb_quadrotor_words_t, pulse_halfus[0]), 0U, WORD(plumb_quadrotor_words_t, attitude.w)}, /* ROTOR_0 */
+    {0x445U, WORD(plumb_quadrotor_words_t, pulse_halfus[1]), 0U, WORD(plumb_quadrotor_words_t, attitude.x)}, /* ROTOR_1 */
+    {0x446U, WORD(plumb_quadrotor_words_t, pulse_halfus[2]), 0U, WORD(plumb_quadrotor_words_t, attitude.y)}, /* ROTOR_2 */
+    {0x447U, WORD(plumb_quadrotor_words_t, pulse_halfus[3]), 0U, WORD(plumb_quadrotor_words_t, attitude.z)}, /* ROTOR_3 */
+    {0x448U, WORD(plumb_quadrotor_words_t, flags), 0U, WORD(plumb_quadrotor_words_t, phase)}, /* STATE */
+    {0x449U, WORD(plumb_quadrotor_words_t, rate_turnps_q28[0]), 15U, WORD(plumb_quadrotor_words_t, rate_turnps_q28[1])}, /* RATES */
+    {0x44AU, WORD(plumb_quadrotor_words_t, rate_turnps_q28[2]), 15U, WORD(plumb_quadrotor_words_t, thrust_q24)}, /* THRUST */
+};
+
+static const control_command_t quadrotor_commands[] = {
+    {-32767, 32767, 0, 1U}, /* roll */
+    {-32767, 32767, 0, 1U}, /* pitch */
+    {-32767, 32767, 0, 1U}, /* yaw */
+    {0, 3, 0, 1U}, /* switches */
+    {0, 511, 0, 1U}, /* receiver */
+};
+
 static const control_system_t quad_system = {
     .frames = quad_frames,
     .frame_count = sizeof quad_frames / sizeof quad_frames[0],
@@ -106,6 +124,23 @@ static const control_system_t attitude_system = {
     .marks_missing = true,
 };
 
+static const control_system_t quadrotor_system = {
+    .frames = quadrotor_frames,
+    .frame_count = sizeof quadrotor_frames / sizeof quadrotor_frames[0],
+    .output = CONTROL_OUTPUT_ROTORS,
+    .output_word = WORD(plumb_quadrotor_words_t, pulse_halfus[0]),
+    .record_words = sizeof(plumb_quadrotor_words_t) / 4U,
+    .saturated = PLUMB_QUADROTOR_FLAGS_SATURATED,
+    .sensors = CONTROL_SENSORS_SIX_AXES,
+    .counts = 6U,
+    .inputs = 12U,
+    .owner_alone = true,
+    .commands = quadrotor_commands,
+    .command_count = 5U,
+    .noisy = 0x3FU,
+    .marks_missing = true,
+};
+
 /* A system that this image does not have: flags and step number, which are 0. */
 static const control_system_t no_system = {.record_words = 2U};
 
@@ -121,6 +156,8 @@ const control_system_t *control_system(const plumb_params_t *p) {
         return &phone_system;
     case PLUMB_SYSTEM_ATTITUDE:
         return &attitude_system;
+    case PLUMB_SYSTEM_QUADROTOR:
+        return &quadrotor_system;
     default:
         return &no_system;
     }
@@ -142,6 +179,9 @@ void control_init(control_t *c, const plumb_params_t *p) {
         break;
     case PLUMB_SYSTEM_ATTITUDE:
         plumb_attitude_init(&c->attitude, p);
+        break;
+    case PLUMB_SYSTEM_QUADROTOR:
+        plumb_quadrotor_init(&c->quadrotor, p);
         break;
     default:
         break;
@@ -166,6 +206,10 @@ void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB
         plumb_attitude_step(&c->attitude, p, raw, setpoint);
         return;
     }
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_QUADROTOR, 1)) { /* 4000 cycles */
+        plumb_quadrotor_step(&c->quadrotor, p, raw, setpoint);
+        return;
+    }
     if (__builtin_expect(p->system == PLUMB_SYSTEM_TURNTABLE, 1)) { /* 9500 cycles */
         plumb_turntable_step(&c->turntable, p, raw, setpoint);
         return;
@@ -184,6 +228,8 @@ bool control_params_valid(const plumb_params_t *p) {
         return plumb_phone_params_valid(p);
     case PLUMB_SYSTEM_ATTITUDE:
         return plumb_attitude_params_valid(p);
+    case PLUMB_SYSTEM_QUADROTOR:
+        return plumb_quadrotor_params_valid(p);
     default:
         return false;
     }

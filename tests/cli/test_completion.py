@@ -14,7 +14,7 @@ from plumb.link.served_boards import Entry
 
 ASKED = [
     ("plumb moni", ["monitor"]),
-    ("plumb run q", ["quad"]),
+    ("plumb run quad", ["quad", "quadrotor"]),
     ("plumb run quad --scenario hol", ["hold"]),
     ("plumb monitor --board virt", ["virtual"]),
     ("plumb params set pid.kp", ["pid.kp="]),

@@ -14,8 +14,8 @@ from support.core_coverage import lacking, unreached
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "vectors"
-NO_STEP = ("core/commutation.c", "core/digest.c", "core/rate_loop", "generated/", "ports/")
-"""The port's motor, the digest that judges, what calls the core; and a loop that a system of examples/systems runs."""
+NO_STEP = ("core/commutation.c", "core/digest.c", "generated/", "ports/")
+"""The port's motor, the digest that judges, and what calls the core."""
 
 
 @pytest.mark.slow

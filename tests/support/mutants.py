@@ -21,10 +21,9 @@ BUILT = FIRMWARE.parent / "build" / "native" / "systems"
 """What the build generates."""
 APART = {
     "commutation.c", "commutation.h", "digest.c", "digest.h", "esc.c", "esc.h", "plausibility.c", "watch.h",
-    "control.h", "rate_loop.c", "rate_loop.h",
+    "control.h",
 }  # fmt: skip
-"""Not run by a step: the port's motor, the digest that judges it, what runs behind it and before it, declarations. The
-loop of a rate is run by a system of examples/systems alone, whose vectors are beside it."""
+"""Not run by a step: the port's motor, the digest that judges it, what runs behind it and before it, declarations."""
 NOT_OF_A_STEP = re.compile(r"(_valid|_retune|^in_range|^minor_q28|^direct_part)$")
 """Functions that are called when parameters change."""
 _SWAPS = {

@@ -9,10 +9,11 @@
 #include "plumb/mounting.h"
 #include "plumb/pid.h"
 #include "plumb/prefilter.h"
+#include "plumb/rate_loop.h"
 #include "plumb/tilt.h"
 #include "plumb/wheel.h"
 
-#define PLUMB_RAW_MAX 6 /* raw counts of a step, then words of commands; a system uses the first few */
+#define PLUMB_RAW_MAX 12 /* raw counts of a step, then words of commands; a system uses the first few */
 
 /* plumb_params_t.system */
 #define PLUMB_SYSTEM_QUAD 0U
@@ -20,6 +21,7 @@
 #define PLUMB_SYSTEM_TURNTABLE 2U
 #define PLUMB_SYSTEM_PHONE 3U
 #define PLUMB_SYSTEM_ATTITUDE 4U
+#define PLUMB_SYSTEM_QUADROTOR 5U
 
 /* esc */
 typedef struct {
@@ -91,6 +93,30 @@ typedef struct {
     plumb_kalman_start_t start;
 } plumb_roll_params_t;
 
+/* quadrotor */
+typedef struct {
+    int32_t tilt_max_q30; /* 0..644245094; sine of the lean that a full stick asks for */
+    int32_t tilt_gain_q28; /* 0..2147483647; rate asked for by the error of the vertical, a sine */
+    int32_t tilt_rate_max_q28; /* 0..1342177280; largest rate that the error of the vertical asks for */
+    int32_t stick_rate_q28; /* 0..1342177280; rate of roll and pitch that a full stick asks for in mode rate */
+    int32_t yaw_rate_max_q28; /* 0..738197504; rate of yaw that a full stick asks for */
+    int32_t d_alpha_q31; /* 0..2147483647; share of a new rate in the low-pass of the derivative */
+    int32_t integral_max_q30; /* 0..1073741824; largest integral of a rate, as a share of the full command */
+    int32_t yaw_max_q24; /* 0..16777216; largest command of yaw */
+    int32_t idle_q24; /* 0..4194304; least command of a rotor that is on */
+    uint32_t airmode; /* 0..1; 1: in the air roll and pitch may raise the thrust over the throttle; 0: they never do */
+    int32_t low_q15; /* 0..8192; throttle below which the stick is low */
+    uint32_t lost_steps; /* 1..65535; steps without a new frame of the receiver after which it is lost */
+    uint32_t held_steps; /* 0..65534; steps for which a vehicle without its receiver holds level and throttle */
+    uint32_t back_steps; /* 1..65535; steps of good frames after which a landing vehicle obeys again */
+    uint32_t lost_action; /* 0..1; then 0: the rotors stop; 1: it lands */
+    int32_t land_q15; /* 0..32767; throttle of a landing without a receiver */
+    uint32_t land_steps; /* 1..65534; steps after which the rotors of a landing stop */
+    uint32_t blind_steps; /* 1..65535; steps without a sample of the sensors after which the rotors stop */
+    uint32_t idle_limit; /* 1..65535; steps on the ground with the throttle low after which the rotors stop */
+    uint32_t lying_limit; /* 1..65535; steps on its back, at rest with the throttle low, after which the rotors stop */
+} plumb_quadrotor_params_t;
+
 /* Every parameter of the core, in words of 32 bits: the system, then the groups. */
 typedef struct {
     uint32_t system; /* PLUMB_SYSTEM_* */
@@ -110,6 +136,10 @@ typedef struct {
     plumb_drive_params_t drive;
     plumb_phone_params_t phone;
     plumb_roll_params_t roll;
+    plumb_quadrotor_params_t quadrotor;
+    plumb_rate_loop_params_t rate_roll;
+    plumb_rate_loop_params_t rate_pitch;
+    plumb_rate_loop_params_t rate_yaw;
     plumb_calibration_params_t angular;
     plumb_prefilter_params_t gyro_filter;
     plumb_prefilter_params_t angular_filter;

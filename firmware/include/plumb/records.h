@@ -8,6 +8,7 @@
 #include "plumb/pid.h"
 #include "plumb/prefilter.h"
 #include "plumb/quaternion.h"
+#include "plumb/rate_loop.h"
 #include "plumb/wheel.h"
 #include "plumb/params.h"
 
@@ -173,5 +174,47 @@ typedef struct {
     uint32_t flags; /* PLUMB_ATTITUDE_FLAG_* of this step */
     uint32_t step; /* number of this step in the run, from 1 */
 } plumb_attitude_words_t;
+
+/* quadrotor: a quadrotor: attitude with the drag of its rotors, rates on three axes, four rotors (RotorS hummingbird) */
+#define PLUMB_QUADROTOR_FLAG_GYRO_CLIPPED (1U << 0) /* a rate was at its limit: the tilt may be off */
+#define PLUMB_QUADROTOR_FLAG_ACCEL_CLIPPED (1U << 1) /* an acceleration was at its limit */
+#define PLUMB_QUADROTOR_FLAG_MISSING (1U << 2) /* no sample in this step: rate and acceleration go on as they were */
+#define PLUMB_QUADROTOR_FLAG_UNSURE (1U << 3) /* standard deviation of the tilt above its limit */
+#define PLUMB_QUADROTOR_FLAG_AIRBORNE (1U << 4) /* the vehicle flies */
+#define PLUMB_QUADROTOR_FLAG_FLIES (1U << 5) /* the rotors are on */
+#define PLUMB_QUADROTOR_FLAG_LEVELS (1U << 6) /* the sticks ask for a lean; else for rates */
+#define PLUMB_QUADROTOR_FLAG_LOST (1U << 7) /* the receiver is lost */
+#define PLUMB_QUADROTOR_FLAG_TILT_LIMITED (1U << 8) /* roll and pitch asked for more than the rotors have */
+#define PLUMB_QUADROTOR_FLAG_YAW_LIMITED (1U << 9) /* yaw asked for more than roll and pitch leave */
+#define PLUMB_QUADROTOR_FLAG_THRUST_MOVED (1U << 10) /* the thrust gave way to roll, pitch and yaw */
+#define PLUMB_QUADROTOR_FLAGS_SATURATED (PLUMB_QUADROTOR_FLAG_GYRO_CLIPPED | PLUMB_QUADROTOR_FLAG_ACCEL_CLIPPED) /* raw counts outside their range */
+typedef struct {
+    int32_t raw[12]; /* 6 counts, then words of commands, as given */
+    int32_t setpoint_throttle_q15; /* as given: throttle, share of the most; below 0 it counts as 0 */
+    int32_t rate_turnps_q28[3]; /* rate less bias and scale error, in body axes */
+    plumb_quaternion_t attitude; /* attitude, from body to earth; the heading is the gyro's alone */
+    int32_t up_q30[3]; /* vertical in body axes */
+    uint32_t tilt_variance_rad2_q32; /* stated variance of the tilt, sum of both axes */
+    uint32_t phase; /* 0: flown; 1: held without a receiver; 2: landing without one; 3: stopped */
+    uint32_t stop_reason; /* why it stopped: 1 no samples, 2 on its back, 4 idle on the ground, 8 receiver lost, 16 unsure on the ground; 0: not switched off yet */
+    uint32_t phase_steps; /* steps in this phase */
+    uint32_t receiver_number; /* number of the receiver's newest frame; 0: no receiver is in use */
+    uint32_t age_steps; /* steps since a new frame of the receiver */
+    uint32_t good_steps; /* steps for which the receiver has not been lost */
+    uint32_t blind_steps; /* steps without a sample, in a row */
+    uint32_t idle_steps; /* steps on the ground with the throttle low */
+    uint32_t lying_steps; /* steps on its back, at rest */
+    int32_t throttle_q15; /* throttle in use */
+    int32_t error_q28[3]; /* error of the vertical: sine of the angle, about each axis */
+    int32_t asked_turnps_q28[3]; /* rate that is asked for */
+    plumb_rate_loop_t roll;
+    plumb_rate_loop_t pitch;
+    plumb_rate_loop_t yaw;
+    int32_t thrust_q24; /* mean command of the rotors */
+    int32_t rotor_q24[4]; /* command of each rotor, 0 to 1: front right, front left, rear left, rear right */
+    uint32_t pulse_halfus[4]; /* pulse of each rotor's speed controller */
+    uint32_t flags; /* PLUMB_QUADROTOR_FLAG_* of this step */
+    uint32_t step; /* number of this step in the run, from 1 */
+} plumb_quadrotor_words_t;
 
 #endif

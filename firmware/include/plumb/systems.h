@@ -12,5 +12,6 @@
 #include "plumb/phone.h"
 #include "plumb/phone_tunings.h"
 #include "plumb/attitude.h"
+#include "plumb/quadrotor.h"
 
 #endif

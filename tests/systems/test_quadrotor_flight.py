@@ -7,15 +7,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from plumb.judging.quadrotor import loops
-from plumb.judging.quadrotor.flown import Flown, fly
-from plumb.systems.quadrotor import courses, quantise, scenarios
-from plumb.systems.quadrotor.vehicle import ROTORS_ON, Vehicles
 
 from plumb.boards.fixed import FixedBoard
 from plumb.errors import UsageError
+from plumb.judging.quadrotor import loops
+from plumb.judging.quadrotor.flown import Flown, fly
 from plumb.physics.airframe import HUMMINGBIRD_X
 from plumb.proof.runs import closed_loop
+from plumb.systems.quadrotor import courses, quantise, scenarios
+from plumb.systems.quadrotor.vehicle import ROTORS_ON, Vehicles
 
 SEEDS = range(1000, 1004)
 FLOWN, HELD, STOPPED = 0, 1, 3

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from plumb.systems.quadrotor.tuning import Mixer, QuadrotorTuning, RateGains, Rates
 
 from plumb.spec.arrays import FloatArray
+from plumb.systems.quadrotor.tuning import Mixer, QuadrotorTuning, RateGains, Rates
 
 ROLLS_OVER = 1.0 / 64.0
 """One plus the cosine of 170 deg: nearer to upside down the error tells no axis, and the body rolls."""

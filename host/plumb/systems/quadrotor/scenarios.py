@@ -12,10 +12,6 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from plumb.systems.quadrotor import courses
-from plumb.systems.quadrotor.drawn_run import Scenario
-from plumb.systems.quadrotor.plant import QuadrotorPlant
-from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains, Rates
 
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
@@ -23,6 +19,10 @@ from plumb.physics.imu import DRAWS, MPU6050, TWO_CHIPS
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
 from plumb.systems.attitude.scenarios import TUNINGS as ESTIMATORS
 from plumb.systems.contracts import Plant
+from plumb.systems.quadrotor import courses
+from plumb.systems.quadrotor.drawn_run import Scenario
+from plumb.systems.quadrotor.plant import QuadrotorPlant
+from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains, Rates
 from plumb.systems.run_length import length_s
 
 PERIOD_US = 2_500

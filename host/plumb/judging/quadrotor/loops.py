@@ -9,14 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+
+from plumb.boards import native_core
+from plumb.spec.arrays import FloatArray
 from plumb.systems.quadrotor import courses
 from plumb.systems.quadrotor import scenarios as quadrotor
 from plumb.systems.quadrotor.plant import command_of
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.quadrotor.vehicle import Vehicles
-
-from plumb.boards import native_core
-from plumb.spec.arrays import FloatArray
 from plumb.tuning.loop_model import Margins, Response, nearest_margins
 from plumb.tuning.quantise import quantise
 

@@ -7,14 +7,14 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from plumb.systems.quadrotor.courses import Course
-from plumb.systems.quadrotor.tuning import QuadrotorTuning
-from plumb.systems.quadrotor.vehicle import Vehicles
 
 from plumb.physics.sensors import Fault
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.systems.prescribed import Steps, put_faults
+from plumb.systems.quadrotor.courses import Course
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
+from plumb.systems.quadrotor.vehicle import Vehicles
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Who flies `quadrotor`, in integers: the receiver, what makes the rotors stop, and the phase.
 
-The functions have the names of examples/systems/quadrotor/arithmetic.md.
+The functions have the names of docs/reference/arithmetic/quadrotor.md.
 """
 
 from __future__ import annotations

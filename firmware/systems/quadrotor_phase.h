@@ -5,7 +5,7 @@
 #define PLUMB_SYSTEMS_QUADROTOR_PHASE_H
 
 #include "core/fixed.h"
-#include "quadrotor.h"
+#include "plumb/quadrotor.h"
 
 #define STEPS_MOST       65535U
 #define QUIET_MIN_Q18    167772 /* (0.8 g)^2 */

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plumb.systems.quadrotor import fixed
-from quadrotor_by_hand import GROUND_STEPS, WORDS, Quadrotor, flying, leaning, quadrotor
-from wild_quadrotor import RUNS, STEPS, wild_inputs, wild_words
 
 from plumb.spec import declarations
 from plumb.spec.records import names_of, packer
+from plumb.systems.quadrotor import fixed
+from support.quadrotor_by_hand import GROUND_STEPS, WORDS, Quadrotor, flying, leaning, quadrotor
+from support.wild_quadrotor import RUNS, STEPS, wild_inputs, wild_words
 
 FLOWN, HELD, LANDING, STOPPED = range(4)
 NO_SAMPLES, ON_ITS_BACK, IDLE, RECEIVER_LOST, UNSURE = 1, 2, 4, 8, 16

@@ -1,4 +1,4 @@
-#include "quadrotor.h"
+#include "plumb/quadrotor.h"
 #include "core/esc.h"
 #include "core/fixed.h"
 #include "core/rate_loop.h"

@@ -6,9 +6,8 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 
-from plumb.systems.quadrotor.tuning import Level, Mixer, QuadrotorTuning, RateGains, Rates, Receiver, Stops
-
 from plumb.systems.attitude import quantise as attitude
+from plumb.systems.quadrotor.tuning import Level, Mixer, QuadrotorTuning, RateGains, Rates, Receiver, Stops
 from plumb.tuning.groups import esc_of, esc_words, refuse, whole
 from plumb.tuning.quantise import ControlParams
 

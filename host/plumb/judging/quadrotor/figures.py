@@ -9,11 +9,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
+
 from plumb.judging.quadrotor import loops
 from plumb.judging.quadrotor.flown import Flown, fly
-from plumb.systems.quadrotor import courses
-from plumb.systems.quadrotor import scenarios as quadrotor
-
 from plumb.proof import loop_figures
 from plumb.proof.figures import Figure, Sense
 from plumb.proof.limits import RMS as RMS_METRIC
@@ -21,6 +19,8 @@ from plumb.proof.limits import Limit, Limits
 from plumb.proof.loop_figures import LeastMargins
 from plumb.proof.report import Plot
 from plumb.spec.arrays import FloatArray
+from plumb.systems.quadrotor import courses
+from plumb.systems.quadrotor import scenarios as quadrotor
 
 TUNING = quadrotor.DEFAULT_TUNING
 ESTIMATE, FLOWN_ERROR = "estimate error", "flown error"
@@ -61,6 +61,12 @@ LIMITS: Limits = {
 def _tuning(name: str) -> str:
     """That of a scenario."""
     return quadrotor.TUNING_FOR.get(name, TUNING)
+
+
+def errors_side_by_side(scenario: str, tuning: str, loop: str, seeds: Iterable[int]) -> FloatArray:
+    """Error of the estimate of every step and seed, deg, (steps, runs): the runs that `plumb run` makes, all at once. A
+    shorter run is the beginning of a longer one."""
+    return fly(scenario, seeds, quadrotor.TUNINGS[tuning], open_loop=loop == "open").error_deg
 
 
 @lru_cache(maxsize=4)

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from plumb.systems.quadrotor.fixed_mixer import FULL_Q24, mix
-from quadrotor_by_hand import FULL, ON_GROUND, WORDS, Quadrotor, flying, leaning, quadrotor
 
 from plumb.kernels.fixed.rate_loop import Conditions, RateLoopState, rate_loop_step
 from plumb.kernels.integers import Integer
+from plumb.systems.quadrotor.fixed_mixer import FULL_Q24, mix
+from support.quadrotor_by_hand import FULL, ON_GROUND, WORDS, Quadrotor, flying, leaning, quadrotor
 
 ONE_Q28, TURN_Q28 = 1 << 28, 1 << 28
 AXES = ("roll", "pitch", "yaw")

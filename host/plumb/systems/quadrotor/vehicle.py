@@ -12,7 +12,6 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from plumb.systems.quadrotor import courses
 
 from plumb.physics import pilots
 from plumb.physics.airframe import G_MPS2, HUMMINGBIRD_X, command_for
@@ -22,6 +21,7 @@ from plumb.physics.imu import Imu
 from plumb.physics.quadrotor import Quadrotor
 from plumb.physics.wind import Wind
 from plumb.spec.arrays import BoolArray, FloatArray
+from plumb.systems.quadrotor import courses
 
 FRAME = HUMMINGBIRD_X
 SUB_STEP_S, DELAY_STEPS = 0.00125, 2

@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from plumb.systems.quadrotor.reference_flight import Flight, Inputs, Phase, Seen
-from plumb.systems.quadrotor.reference_rates import RateLoop, asked_rates, mix
-from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.systems.attitude.quantise import DEG
 from plumb.systems.attitude.reference import ALIGNING_BLOCKS, Model
 from plumb.systems.attitude.reference_state import JUDGES, Filter, Samples
+from plumb.systems.quadrotor.reference_flight import Flight, Inputs, Phase, Seen
+from plumb.systems.quadrotor.reference_rates import RateLoop, asked_rates, mix
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
 NAMES = (
     *(f"up_{axis}" for axis in "xyz"),

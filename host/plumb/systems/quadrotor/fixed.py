@@ -1,15 +1,12 @@
 """`quadrotor` in integers: counts, throttle and sticks to the pulses of four rotors.
 
-The functions have the names of examples/systems/quadrotor/arithmetic.md.
+The functions have the names of docs/reference/arithmetic/quadrotor.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-from plumb.systems.quadrotor.fixed_flight import HELD, LANDING, STOPPED, FlightState, Seen, decide, listen, watch
-from plumb.systems.quadrotor.fixed_mixer import mix
 
 from plumb.kernels.fixed import validity
 from plumb.kernels.fixed.kernels import Params
@@ -18,6 +15,8 @@ from plumb.kernels.integers import Integer, clamp, mul, select
 from plumb.spec import declarations
 from plumb.systems.attitude import fixed as attitude
 from plumb.systems.attitude import fixed_state
+from plumb.systems.quadrotor.fixed_flight import HELD, LANDING, STOPPED, FlightState, Seen, decide, listen, watch
+from plumb.systems.quadrotor.fixed_mixer import mix
 
 __all__ = ["control_init", "control_step", "control_valid"]
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
-from plumb.systems.quadrotor.drawn_run import Scenario, truth_of
-from plumb.systems.quadrotor.vehicle import Vehicles
 
 from plumb.spec.arrays import FloatArray
+from plumb.systems.quadrotor.drawn_run import Scenario, truth_of
+from plumb.systems.quadrotor.vehicle import Vehicles
 
 IDLE_HALFUS, SPAN_HALFUS = 2000.0, 2000.0
 """The speed controllers are taught 1000 us to 2000 us."""

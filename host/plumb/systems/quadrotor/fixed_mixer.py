@@ -1,6 +1,6 @@
 """From the demands of `quadrotor` to its four rotors, in integers.
 
-The functions have the names of examples/systems/quadrotor/arithmetic.md.
+The functions have the names of docs/reference/arithmetic/quadrotor.md.
 """
 
 from __future__ import annotations

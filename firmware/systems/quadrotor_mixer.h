@@ -3,7 +3,7 @@
 #define PLUMB_SYSTEMS_QUADROTOR_MIXER_H
 
 #include "core/fixed.h"
-#include "quadrotor.h"
+#include "plumb/quadrotor.h"
 
 #define FULL_Q24      (1 << 24)
 #define ONE_Q28       (1 << 28)

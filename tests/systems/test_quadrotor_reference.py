@@ -8,10 +8,6 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 import pytest
-from plumb.systems.quadrotor import fixed as fixed_step
-from plumb.systems.quadrotor import reference
-from plumb.systems.quadrotor.reference_rates import error_of_vertical
-from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains, Rates, Receiver
 
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
@@ -19,6 +15,10 @@ from plumb.spec.tuning import Channel
 from plumb.systems import run_fixed
 from plumb.systems.attitude import reference as attitude_reference
 from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Motion
+from plumb.systems.quadrotor import fixed as fixed_step
+from plumb.systems.quadrotor import reference
+from plumb.systems.quadrotor.reference_rates import error_of_vertical
+from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains, Rates, Receiver
 from plumb.tuning.quantise import dequantise, quantise
 
 PERIOD_US, STEPS = 2500, 2400

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 
 import numpy as np
-from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
 from plumb.spec.arrays import FloatArray
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
 WEIGHT_G, STILL_DPS = (0.8, 1.2), 20.0
 """Acceleration of a vehicle at rest, and a rate that it does not reach."""

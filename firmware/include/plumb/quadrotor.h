@@ -9,7 +9,7 @@
  *
  * Whatever decides an output is computed in the step from recorded inputs: whether the vehicle flies, how old
  * the receiver's frames are, and what happens without them. The sources and figures are in
- * examples/systems/README.md, every word in examples/systems/quadrotor/arithmetic.md.
+ * docs/systems/quadrotor.md, every word in docs/reference/arithmetic/quadrotor.md.
  *
  * raw: gyro x, y, z, acceleration x, y, z (as plumb/attitude.h), then the commands roll, pitch, yaw,
  * switches, receiver; setpoint: throttle, Q15. Axes of the body: x to the front, y to the left, z up.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from quadrotor_by_hand import GROUND_STEPS, ON_GROUND, TAKE_OFF_STEPS, WORDS
 
 from plumb.spec import parameters
+from support.quadrotor_by_hand import GROUND_STEPS, ON_GROUND, TAKE_OFF_STEPS, WORDS
 
 Integers = npt.NDArray[np.int64]
 RUNS, STEPS = 16, 480

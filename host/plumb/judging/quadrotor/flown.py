@@ -6,15 +6,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from plumb.systems.quadrotor import scenarios as quadrotor
-from plumb.systems.quadrotor.plant import command_of
-from plumb.systems.quadrotor.tuning import QuadrotorTuning
-from plumb.systems.quadrotor.vehicle import Vehicles
 
 from plumb.boards import native_core
 from plumb.physics.pilots import vertical
 from plumb.spec.arrays import FloatArray
 from plumb.systems.attitude.scenarios import apart_deg
+from plumb.systems.quadrotor import scenarios as quadrotor
+from plumb.systems.quadrotor.plant import command_of
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
+from plumb.systems.quadrotor.vehicle import Vehicles
 from plumb.tuning.quantise import quantise
 
 
@@ -44,11 +44,13 @@ def fly(
     tuning: QuadrotorTuning = quadrotor.HUMMINGBIRD,
     period_us: int = quadrotor.PERIOD_US,
     seconds: float | None = None,
+    *,
+    open_loop: bool = False,
 ) -> Flown:
-    """One scenario, all seeds."""
+    """One scenario, all seeds. open_loop: an ideal controller flies, and the core runs beside it."""
     drawn = [quadrotor.scenario(name, seed, period_us=period_us, seconds=seconds) for seed in seeds]
     params = quantise(drawn[0].fit(replace(tuning, period_us=period_us)))
-    vehicles, core = Vehicles(drawn), native_core.Controllers(params, len(drawn))
+    vehicles, core = Vehicles(drawn, ideal=open_loop), native_core.Controllers(params, len(drawn))
     rows: list[tuple[FloatArray, ...]] = []
     command = np.zeros((4, len(drawn)))
     for step in range(drawn[0].steps):

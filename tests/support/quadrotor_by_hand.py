@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from plumb.systems.quadrotor import fixed
-
 from plumb.kernels.fixed.kernels import Params
 from plumb.spec import parameters
 from plumb.spec.records import names_of
+from plumb.systems.quadrotor import fixed
 
 ONE_G, COUNTS_PER_DPS = 2048, 16.384
 FULL = 32767
