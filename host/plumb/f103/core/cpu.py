@@ -197,7 +197,7 @@ class Cpu:
             assert crc is not None
             if offset == DR_OFFSET and width == 4 and crc.clocked:
                 crc.waiting += value.to_bytes(4, "little")
-                if not len(crc.waiting) % TURN_BYTES and self.loops_at_once:
+                if not len(crc.waiting) % TURN_BYTES and self.loops_at_once and not crc.by_other_code:
                     self._feed(crc)
             else:
                 write(uc, offset, width, value, user)
@@ -216,6 +216,7 @@ class Cpu:
             return
         loop = crc_loop(bytes(self.flash[at : at + CODE_BYTES]))
         if loop is None:
+            crc.by_other_code = True
             return
         start, end = low[loop.source] - AHEAD_BYTES, low[loop.end]
         left, rest = divmod(end - start, TURN_BYTES)

@@ -42,8 +42,9 @@ def remainder(start: int, words: bytes | bytearray) -> int:
 
 
 class Crc(Peripheral):
-    """waiting: words written since DR was last read, as they lie in memory; the remainder is computed when DR is
-    read."""
+    """waiting: words written since DR was last read, as they lie in memory; the remainder is computed when DR is read.
+    by_other_code: they are not written by the loop that may be taken many turns at once (crc_loop.py), so that nobody
+    needs to look again."""
 
     NARROW = "refuse"
     REGISTERS = (Register("dr", DR_OFFSET, START), Register("idr", 0x04, 0, 0xFF), Register("cr", 0x08))
@@ -51,11 +52,16 @@ class Crc(Peripheral):
 
     def __init__(self, machine: Mcu) -> None:
         self.waiting = bytearray()
+        self.by_other_code = False
         super().__init__(machine, "CRC", BASE)
 
     def reset(self) -> None:
         super().reset()
+        self._begin()
+
+    def _begin(self) -> None:
         self.waiting.clear()
+        self.by_other_code = False
 
     def write_dr(self, value: int) -> None:
         self.waiting += value.to_bytes(4, "little")
@@ -63,7 +69,7 @@ class Crc(Peripheral):
     def read_dr(self) -> int:
         if self.waiting:
             self.dr = remainder(self.dr, self.waiting)
-            self.waiting.clear()
+            self._begin()
         return self.dr
 
     def read_cr(self) -> int:
@@ -73,4 +79,4 @@ class Crc(Peripheral):
     def write_cr(self, value: int) -> None:
         if value & RESET:
             self.dr = START
-            self.waiting.clear()
+            self._begin()

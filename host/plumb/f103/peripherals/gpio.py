@@ -99,9 +99,9 @@ class Gpio(Peripheral):
         self._changed()
 
     def read_idr(self) -> int:
-        found = 0
+        found, modes = 0, self.crh << 32 | self.crl
         for pin, outside in enumerate(self.outside):
-            mode = self.mode(pin)
+            mode, modes = modes & 15, modes >> 4
             # an analog pin reads 0, and so does a floating input that nothing drives high; these are nearly all
             if mode and (outside or mode != FLOATING) and self.level(pin):
                 found |= 1 << pin
