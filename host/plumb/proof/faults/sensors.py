@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from plumb.link import parameter_table
 from plumb.link.identity import SENSOR_CAUSES
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import ESTIMATE, Scene, arm, noise
+from plumb.spec import parameters
+from plumb.spec.parameter_file import by_name
 
 LSB_V = 3.3 / 4096
 GYRO, ACCEL_Y, ACCEL_Z = 0, 1, 2
@@ -133,13 +136,14 @@ def railed(channel: int) -> tuple[Told, ...]:
 
 
 def turned(degrees: float, over_s: float = 0.0) -> Action:
-    """Both accelerometer pins say that the vehicle turns by so much in this time, with 1 g and noise as before."""
+    """Both accelerometer pins say that the vehicle turns by so much in this time, with 1 g and noise of 1 LSB. The
+    length is not that of the sample before: its noise alone may make the filter's R ten times as large."""
     volts_per_g, level_v = 0.8, 1.65
 
     def inject(scene: Scene) -> None:
         begin_s = scene.machine.now_s
         y, z = ((volts_now(scene, channel) - level_v) / volts_per_g for channel in (ACCEL_Y, ACCEL_Z))
-        tilt, length_g = math.atan2(y, z), math.hypot(y, z)
+        tilt = math.atan2(y, z)
 
         def pin(channel: int, part: Callable[[float], float]) -> None:
             added = noise(f"channel {channel}", LSB_V)
@@ -147,7 +151,7 @@ def turned(degrees: float, over_s: float = 0.0) -> Action:
             def volts(time_s: float) -> float:
                 share = min((time_s - begin_s) / over_s, 1.0) if over_s else 1.0
                 angle = tilt + math.radians(degrees) * share
-                return level_v + volts_per_g * length_g * part(angle) + added(time_s)
+                return level_v + volts_per_g * part(angle) + added(time_s)
 
             scene.machine.adc[scene.adc_pins[channel]] = volts
 
@@ -157,6 +161,9 @@ def turned(degrees: float, over_s: float = 0.0) -> Action:
     return inject
 
 
+Q_ANGLE = ("kalman.qa_hi", "kalman.qa_lo")
+"""Growth of the angle's variance in a step, upper and lower word."""
+R_GAIN = "tilt.r_gain"
 SETTLED_S = 3.0
 """After arming, in which the filter's gain falls until an innovation lasts for longer than its check."""
 
@@ -165,17 +172,31 @@ def settled(scene: Scene) -> None:
     scene.run(SETTLED_S)
 
 
+def begun_without_sigma(scene: Scene, q_angle_times: int = 1) -> None:
+    """A new run, armed at the first moment at which the board allows it. Its R is constant, and its table has no unit
+    of variance, so that an innovation counts from 15 deg on: a tuning with a large R asks for 6 sigma, and another
+    check would be first."""
+    scene.session.end()
+    table = by_name(parameter_table.read_table(scene.session))
+    high, low = (table[name] for name in Q_ANGLE)
+    grown = divmod(q_angle_times * (high * 2**32 + low), 2**32)
+    changes = {parameters.UNIT: 0, R_GAIN: 0, **dict(zip(Q_ANGLE, grown, strict=True))}
+    parameter_table.commit(scene.session, {**table, **changes})
+    scene.session.begin("REALTIME_LIVE", frames=scene.live.FRAMES)
+    arm(scene)
+
+
+def armed_with_high_gain(scene: Scene) -> None:
+    """A filter that takes on more than 2 a second, as one does soon after its start: of a large Q, here for good."""
+    begun_without_sigma(scene, 64)
+
+
 def turned_slowly(scene: Scene) -> None:
     """Settled, then turned so slowly that gyro and accelerometer keep within 15 deg in 0.25 s: the innovation tells."""
+    begun_without_sigma(scene)
     settled(scene)
     turned(TURNED_DEG, SLOWLY_S)(scene)
     scene.run(SLOWLY_S)
-
-
-def armed_at_once(scene: Scene) -> None:
-    """A new run, armed at the first moment at which the board allows it: the filter's gain is still high."""
-    scene.session.begin("REALTIME_LIVE", frames=scene.live.FRAMES)
-    arm(scene)
 
 
 TURNED_DEG = 28.0
@@ -216,8 +237,8 @@ _ANGLES = (
           RATE, ANALOG, prepare=settled),
     Fault("accel-turned-slowly", "sensors", f"{_TURNED} in {SLOWLY_S:g} s, from its end on", lambda _scene: None,
           "innovation", INNOVATION, ANALOG, prepare=turned_slowly),
-    Fault("accel-turned-soon", "sensors", f"{_TURNED}, as soon as the board is armed", turned(TURNED_DEG),
-          "innovation_soon", INNOVATION, ANALOG, prepare=armed_at_once),
+    Fault("accel-turned-soon", "sensors", f"{_TURNED}, while the gain is high", turned(TURNED_DEG),
+          "innovation_soon", INNOVATION, ANALOG, prepare=armed_with_high_gain),
 )  # fmt: skip
 
 _CHIPS = tuple(
