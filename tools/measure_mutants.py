@@ -3,8 +3,8 @@
     tools/measure_mutants.py            300 mutants; exit code 1 when the vectors miss more than 2 %
     tools/measure_mutants.py --write    and put the figure into docs/explanation/design.md
 
-A mutant is one small change of the C (tests/support/mutants.py). One that every vector lets pass is given to the tests
-of kernels and systems; when these let it pass, too, it counts for nothing: mostly it is equal to the core.
+A mutant is one small change of the C (tests/support/mutants.py). Those that every vector lets pass are given to the
+tests of kernels and systems; when these let one pass, too, it counts for nothing: mostly it is equal to the core.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ import re
 import sys
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests")]
 
 from plumb.proof import golden  # noqa: E402
-from support.mutant_judges import Prepared, killer, other_killer  # noqa: E402
+from support.mutant_judges import Prepared, killer, other_killers  # noqa: E402
 from support.mutants import Mutant, Workshop, mutants  # noqa: E402
 
 SEED, COUNT = 2026, 300
@@ -30,7 +29,7 @@ MISSED_MAX = 0.02
 PAGE = ROOT / "docs/explanation/design.md"
 
 
-def judge(chosen: Sequence[Mutant], folder: Path, jobs: int) -> tuple[int, dict[Mutant, str | None]]:
+def judge(chosen: Sequence[Mutant], folder: Path) -> tuple[int, dict[Mutant, str | None]]:
     """How many the vectors kill, and what kills the others; what does not compile is left out."""
     vectors = Prepared.all(golden.load(ROOT / "tests/vectors"))
     workshop = Workshop(folder)
@@ -46,12 +45,10 @@ def judge(chosen: Sequence[Mutant], folder: Path, jobs: int) -> tuple[int, dict[
             killed += 1
             library.unlink()
     print(f"{killed} are killed by the vectors; the tests try {len(passed)} others", flush=True)
-    with ThreadPoolExecutor(jobs) as pool:
-        others = {mutant: pool.submit(other_killer, library) for mutant, library in passed.items()}
-        found = {}
-        for mutant, other in others.items():
-            found[mutant] = other.result()
-            print(f"{mutant}: {found[mutant] or 'nothing notices it'}", flush=True)
+    others = other_killers(list(passed.values()), folder / "told.txt") if passed else {}
+    found = {mutant: others[library] for mutant, library in passed.items()}
+    for mutant, other in found.items():
+        print(f"{mutant}: {other or 'nothing notices it'}", flush=True)
     return killed, found
 
 
@@ -68,14 +65,13 @@ def written(count: int, killed: int, missed: Sequence[Mutant]) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=COUNT, help="mutants (default: %(default)s)")
-    parser.add_argument("--jobs", type=int, default=2, help="tests at a time (default: %(default)s)")
     parser.add_argument("--write", action="store_true", help="put the figure into docs/explanation/design.md")
     arguments = parser.parse_args()
     chosen = mutants()
     random.Random(SEED).shuffle(chosen)
     chosen = chosen[: arguments.count]
     with tempfile.TemporaryDirectory(prefix="plumb-mutants-") as folder:
-        killed, found = judge(chosen, Path(folder), arguments.jobs)
+        killed, found = judge(chosen, Path(folder))
     missed = [mutant for mutant, other in found.items() if other]
     text = written(len(chosen), killed, missed)
     print(text, end="")

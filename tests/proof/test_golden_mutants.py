@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from plumb.proof import golden
-from support.mutant_judges import Prepared, killer
+from support.mutant_judges import Prepared, killer, other_killers
 from support.mutants import FIRMWARE, Mutant, Workshop, mutants
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -71,3 +71,11 @@ def test_a_sample_of_mutants_is_killed(workshop: Workshop) -> None:
     libraries = [workshop.library(mutant, f"mutant_{number}") for number, mutant in enumerate(sample[:SAMPLE])]
     killed = [killer(library, vectors()) is not None for library in libraries if library is not None]
     assert sum(killed) >= 0.7 * len(killed), "more of them pass than are equal to the core or nearly so"
+
+
+def test_another_test_that_kills_is_named(workshop: Workshop, tmp_path: Path) -> None:
+    """The second is the core itself, built once more: nothing notices it."""
+    wrong, same = workshop.library(defect("first entry of the roots"), "wrong_roots"), workshop.library()
+    assert wrong is not None and same is not None
+    test = "tests/kernels/test_angle.py::test_both_hands_agree_on_sine_cosine_and_length"
+    assert other_killers([wrong, same], tmp_path / "told.txt", [test]) == {wrong: test, same: None}

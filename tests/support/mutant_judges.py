@@ -81,14 +81,30 @@ OTHERS = (
     *(str(path) for path in sorted(Path("tests/systems").glob("test_*_core.py"))),
 )
 """Tests of the native core with inputs of their own."""
+LIMIT_S = 7200
+"""Of one test, which may call many mutants on a busy machine."""
 
 
-def other_killer(library: Path) -> str | None:
-    """The first test of kernels and systems that fails with this library, and not for want of it; None: all pass."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", *OTHERS]
-    environment = {**os.environ, CORE_VARIABLE: str(library), "PLUMB_LONG": ""}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=1800, check=False)
-    if done.returncode not in (0, 1):
-        raise RuntimeError(f"the tests of kernels and systems did not run: {done.stdout[-2000:]}{done.stderr[-2000:]}")
-    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED ", "ERROR "))]
-    return failed[0].split()[1] if failed else None
+def other_killers(libraries: Sequence[Path], told: Path, tests: Sequence[str] = OTHERS) -> dict[Path, str | None]:
+    """For each library a test of kernels and systems that fails with it; None: all pass.
+
+    One run of the tests calls all of them beside the core (support.mutant_watch, which writes the file `told`). Then a
+    test in which a library answers otherwise is run with that library alone."""
+    told.touch()
+    answers = {"PLUMB_MUTANTS": os.pathsep.join(map(str, libraries)), "PLUMB_MUTANTS_TOLD": str(told)}
+    done = _run(["-p", "support.mutant_watch", *tests], answers)
+    if done.returncode != 0:
+        raise RuntimeError(f"the tests of kernels and systems did not pass: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+    lines = [line.split("\t") for line in told.read_text(encoding="utf-8").splitlines()]
+    found: dict[Path, str | None] = {}
+    for library in libraries:
+        seen = [test for path, test in lines if path == str(library)]
+        found[library] = next((test for test in seen if _run([test], {CORE_VARIABLE: str(library)}).returncode), None)
+    return found
+
+
+def _run(arguments: Sequence[str], variables: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", *arguments]
+    environment = {**os.environ, **variables, "PLUMB_LONG": "", "PLUMB_TEST_LIMIT_S": str(LIMIT_S)}
+    environment["PYTHONPATH"] = os.pathsep.join([str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])
+    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
