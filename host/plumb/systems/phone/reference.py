@@ -36,6 +36,7 @@ from plumb.kernels.reference.kernels import (
     wrap,
 )
 from plumb.spec.arrays import FloatArray
+from plumb.spec.tuning import Kalman
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 
 SINGULAR_G = 0.15
@@ -77,10 +78,9 @@ def change_sides(pitch: KalmanState, roll: KalmanState, roll_lost: Number) -> No
 
 
 def correct(
-    x: KalmanState, tuning: PhoneTuning, axis: PhoneAxis, z_deg: Number, u_dps: Number, lost: Number
+    x: KalmanState, tuning: PhoneTuning, axis: PhoneAxis, settings: Kalman, z_deg: Number, u_dps: Number, lost: Number
 ) -> tuple[Number, Number]:
     """One step of one filter with input u; no correction where the measurement is missing. Returns bias and R."""
-    settings = replace(tuning.kalman(axis), rate="current")
     r_deg2 = np.where(lost, tuning.r_left_out_deg2, axis.r_deg2)
     expected_deg = x.tilt_deg + tuning.period_s * (u_dps - x.bias_dps)
     kalman_step(x, settings, tuning.period_s, np.where(lost, expected_deg, z_deg), u_dps, r_deg2)
@@ -103,13 +103,14 @@ def run_control(
     driving_dps = np.asarray(driving_rate(tuning.rate, rate_dps, before_dps), np.float64)
 
     pitch, roll = kalman_init(tuning.pitch.start), kalman_init(tuning.roll.start)
+    settings = [replace(tuning.kalman(axis), rate="current") for axis in (tuning.pitch, tuning.roll)]
     rows = []
     for k in range(counts.shape[1]):
         if tuning.rates == "euler":
             change_sides(pitch, roll, roll_lost[k])
         pitch_rate_dps, roll_rate_dps = rates_of(tuning, pitch.tilt_deg, roll.tilt_deg, driving_dps[:, k], roll_lost[k])
-        first = correct(pitch, tuning, tuning.pitch, pitch_measured_deg[k], pitch_rate_dps, pitch_lost[k])
-        second = correct(roll, tuning, tuning.roll, roll_measured_deg[k], roll_rate_dps, roll_lost[k])
+        first = correct(pitch, tuning, tuning.pitch, settings[0], pitch_measured_deg[k], pitch_rate_dps, pitch_lost[k])
+        second = correct(roll, tuning, tuning.roll, settings[1], roll_measured_deg[k], roll_rate_dps, roll_lost[k])
         rows.append((pitch_rate_dps, pitch.tilt_deg, *first, roll_rate_dps, roll.tilt_deg, *second))
     names = [f"{axis}_{name}" for axis in ("pitch", "roll") for name in ("rate_dps", "deg", "bias_dps", "r_deg2")]
     columns = {name: np.array([row[i] for row in rows]) for i, name in enumerate(names)}

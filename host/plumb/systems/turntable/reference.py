@@ -41,8 +41,8 @@ SHOCK_DPS, INCREMENT_DPS, CELL_DPS2 = 45.0, 22.5, 360.0**2 / 2.0**6
 
 def multiply(p: FloatArray, q: FloatArray) -> FloatArray:
     """Product of quaternions w, x, y, z along the last axis."""
-    pw, px, py, pz = np.moveaxis(p, -1, 0)
-    qw, qx, qy, qz = np.moveaxis(q, -1, 0)
+    pw, px, py, pz = (p[..., i] for i in range(4))
+    qw, qx, qy, qz = (q[..., i] for i in range(4))
     return np.stack(
         [
             pw * qw - px * qx - py * qy - pz * qz,
