@@ -10,6 +10,7 @@ import pytest
 
 from plumb.boards.fixed import FixedBoard
 from plumb.errors import UsageError
+from plumb.flash.image import find_image
 from plumb.judging.quadrotor import loops
 from plumb.judging.quadrotor.flown import Flown, fly
 from plumb.physics.airframe import HUMMINGBIRD_X
@@ -78,6 +79,24 @@ def test_nothing_turns_before_the_switch() -> None:
     flight = flown("lean")
     assert not flight.rotor[flight.between(0.0, courses.REST_S)].any()
     assert flight.rotor[flight.between(courses.ACTS_S, np.inf)].all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_a_flight_in_closed_loop_on_the_flash_image_is_the_model_bit_for_bit(link: str) -> None:
+    """From rest into the air, over either link."""
+    pytest.importorskip("unicorn")
+    from plumb.boards.virtual import VirtualBoard
+
+    try:
+        find_image()
+    except UsageError as missing:
+        pytest.skip(str(missing))
+    run = scenarios.scenario("lean", 1000, seconds=7.5 if link == "serial" else 5.5)
+    with VirtualBoard(link=link) as board:
+        done = closed_loop(board, run, quantise.quantise(run.fit(scenarios.HUMMINGBIRD)))
+    assert (done.verdict, done.mismatches) == ("pass", 0)
+    assert len(done.inputs.raw) == run.steps and done.board_words["rotor_q24_0"][-1] > 0, "it flies at the end"
 
 
 def test_a_run_is_a_batch_of_one() -> None:
