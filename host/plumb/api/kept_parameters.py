@@ -35,7 +35,8 @@ class KeptParameters:
 
         Args:
             did: The command that made it.
-            before, after: The whole table by name.
+            before: The whole table by name, as it was.
+            after: The table as it is now.
             tuning: The shipped tuning that the parameters come from since then; "": not known, None: as before.
 
         Raises:
