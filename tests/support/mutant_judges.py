@@ -78,7 +78,11 @@ def killer(library: Path, vectors: Sequence[Prepared]) -> str | None:
 ROOT = Path(__file__).resolve().parents[2]
 OTHERS = (
     "tests/kernels",
-    *(str(path) for path in sorted(Path("tests/systems").glob("test_*_core.py"))),
+    *(
+        str(path)
+        for kind in ("core", "step", "rates")
+        for path in sorted(Path("tests/systems").glob(f"test_*_{kind}.py"))
+    ),
 )
 """Tests of the native core with inputs of their own."""
 LIMIT_S = 7200
