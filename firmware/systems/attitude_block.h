@@ -177,10 +177,12 @@ SELDOM int32_t gained(int32_t force_sum_q18, int32_t dt_s_q33) {
     return saturated(asr64(mul_i64(force_sum_q18, dt_s_q33), 23));
 }
 
-/* How much the tilt has become uncertain in a block, rad^2 Q32. Lasting velocities say that turns were
- * measured worse than the parameters expect, unless the body travels or flies. */
+/* How much the tilt has become uncertain in a block, rad^2 Q32. A lasting velocity that is more than a body
+ * has that moves little says that turns were measured worse than the parameters expect, unless the body
+ * travels or flies. */
 static int32_t tilt_growth(const plumb_attitude_t *c, const plumb_attitude_params_t *p) {
-    const int64_t doubt = travels(c) || c->airborne ? 0 : asr64(mul_i64(travel_square(c), p->doubt_q24), 16);
+    const int32_t lasting_q24 = max_i32(travel_square(c) - (p->speed_min >> 2), 0);
+    const int64_t doubt = travels(c) || c->airborne ? 0 : asr64(mul_i64(lasting_q24, p->doubt_q24), 16);
     const int64_t by_turn = p->q_turn_q24 + doubt;
     const int64_t turned =
         asr64(mul_i64((int32_t)c->energy_q24, by_turn < MOST_BY_TURN ? (int32_t)by_turn : MOST_BY_TURN), 24);

@@ -56,7 +56,7 @@ typedef struct {
     int32_t travel_pass_q32; /* 0..1431655765; share of a new velocity in the low-pass of lasting ones, and of a vertical acceleration in its own */
     int32_t travel_least_q24; /* 0..536870912; square of a lasting velocity up to which a body does not travel */
     int32_t travel_gain_q16; /* 0..67108864; what the square beyond it adds to the variance with which the velocity is zero */
-    int32_t doubt_q24; /* 0..268435456; growth of the tilt's variance in a block by the square of the angles turned in it, for every square of a lasting velocity */
+    int32_t doubt_q24; /* 0..1073741824; growth of the tilt's variance in a block by the square of the angles turned in it, for every square of a lasting velocity */
     int32_t aid_s_q24; /* 0..1073741824; acceleration to velocity by the drag of the rotors: mass by drag; 0: no such aid */
     int32_t aid_variance; /* 256..858993459; variance of the velocity that the drag measures */
     int32_t aid_thrust_q15; /* 1..32767; thrust command from which the vehicle takes off; below it one that feels its weight stands on the ground */

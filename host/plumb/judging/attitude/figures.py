@@ -72,9 +72,10 @@ def rows_of(name: str, seeds: Iterable[int]) -> Iterator[Figure]:
     yield Figure(
         ERROR, name, tuning, "deg", sense, TO_REACH_DEG.get(name, 0.0), float(np.mean(found)), float(np.max(found)),
         float(np.mean(ideal)) if ideal else None, float(np.mean(alone)),
-    )  # fmt: skip
+    ).over(np.array(found))  # fmt: skip
     if headline:
-        yield Figure(APART, name, tuning, "deg", "at most", APART_DEG, float(np.mean(apart)), float(np.max(apart)))
+        cost = Figure(APART, name, tuning, "deg", "at most", APART_DEG, float(np.mean(apart)), float(np.max(apart)))
+        yield cost.over(np.array(apart))
 
 
 def _section(name: str) -> Callable[[Iterable[int]], Iterator[Figure]]:

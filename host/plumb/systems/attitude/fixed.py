@@ -54,6 +54,8 @@ SIXTH_Q32 = 715827883
 ALIGN_LEAST_G_Q24, ALIGN_LEAST_GS_Q26, ALIGN_BLOCKS = 1258291, 1 << 20, 4
 CLIPPED = GYRO_CLIPPED | ACCEL_CLIPPED
 BY_TURN_MAX_Q32 = 1 << 30
+TRAVEL_SQUARE_MAX_Q24 = 1 << 29
+"""Of a velocity of +-4 g s in both axes."""
 CARRIED_Q18, TAKE_OFF_BLOCKS = 209715, 4
 
 
@@ -201,7 +203,8 @@ def measure_block(c: ControlState, p: Params) -> None:
     for i in HORIZONTAL:
         c.velocity[i] = sat32(c.velocity[i] + gained(c, p, i))
     in_runs(c, p, p["attitude.aid_s_q24"] != 0, measure_velocity)
-    doubt = select(travels(c) | (c.airborne == 1), 0, (travel_square(c) * p["attitude.doubt_q24"]) >> 16)
+    lasting = clamp(travel_square(c) - (p["attitude.speed_min"] >> 2), 0, TRAVEL_SQUARE_MAX_Q24)
+    doubt = select(travels(c) | (c.airborne == 1), 0, (lasting * p["attitude.doubt_q24"]) >> 16)
     by_turn = clamp(p["attitude.q_turn_q24"] + doubt, 0, BY_TURN_MAX_Q32)
     steps = p["attitude.block_steps"]
     blind = (c.gap >= steps) | (c.gyro_run >= steps)

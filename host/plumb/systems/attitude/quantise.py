@@ -149,7 +149,7 @@ def _travel(tuning: AttitudeTuning, dt: float, block_s: float) -> dict[str, int]
         "attitude.travel_least_q24": _square("motion.travel_mps", m.travel_mps, 1 / G_MPS2, 0, 1 << 29, 2.0**-8),
         "attitude.travel_gain_q16": _word("motion.travel_s", m.travel_s, gain * (1 << 16), 1 << 26),
         "attitude.doubt_q24": _square(
-            "errors.turn_doubt", tuning.errors.turn_doubt, G_MPS2, 0, 1 << 28, 4 / dt * 2.0**-8
+            "errors.turn_doubt", tuning.errors.turn_doubt, G_MPS2, 0, 1 << 30, 4 / dt * 2.0**-8
         ),
     }
 

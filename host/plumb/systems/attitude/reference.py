@@ -297,10 +297,11 @@ class Model:
         """How much the tilt has become uncertain in a block, rad^2."""
         errors = self.tuning.errors
         turned_rad2 = 4.0 * sums.square / self.period_s
-        lasting_mps = G_MPS2 * float(np.linalg.norm(x.travel_gs))
-        doubt = 0.0 if x.airborne or x.travel_excess_g2s2 > TRAVELS_G2S2 else errors.turn_doubt * lasting_mps
+        lasting_m2ps2 = G_MPS2**2 * float(x.travel_gs @ x.travel_gs) - self.tuning.motion.velocity_mps**2
+        stays = not x.airborne and x.travel_excess_g2s2 <= TRAVELS_G2S2
+        doubt2 = errors.turn_doubt**2 * max(lasting_m2ps2, 0.0) if stays else 0.0
         blind = max(x.gap, x.runs[0]) >= self.steps
-        growth = (DEG * errors.noise_dps) ** 2 * self.block_s + (errors.turn_noise**2 + doubt**2) * turned_rad2
+        growth = (DEG * errors.noise_dps) ** 2 * self.block_s + (errors.turn_noise**2 + doubt2) * turned_rad2
         return growth + sums.tilt_added_rad2 + ((DEG * errors.clipped_deg) ** 2 if blind else 0.0)
 
     def correct(self, x: Filter) -> None:

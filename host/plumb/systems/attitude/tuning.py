@@ -60,9 +60,10 @@ class Gyro:
         metadata=quantity("deg", "standard deviation of the tilt that a block without any sample adds"),
     )
     turn_doubt: float = field(
-        default=0.0042,
+        default=0.0084,
         metadata=quantity(
-            "deg/s per sqrt(Hz), per deg/s and m/s", "what every m/s of a lasting velocity adds to `turn_noise`"
+            "deg/s per sqrt(Hz), per deg/s and m/s",
+            "what every m/s of a lasting velocity beyond `motion.velocity_mps` adds to `turn_noise`",
         ),
     )
 
