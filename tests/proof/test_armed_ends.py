@@ -7,6 +7,7 @@ Beyond the ends the board refuses to arm: tests/link/test_unsafe_parameters.py.
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import pytest
 
@@ -19,9 +20,11 @@ from plumb.proof.faults import table
 from plumb.proof.faults.fault import Fault
 from plumb.proof.faults.limits import limits
 from plumb.proof.faults.runner import Row, Runner
-from plumb.proof.faults.scene import scenarios_of
+from plumb.proof.faults.scene import SEED, scenarios_of
 from plumb.spec import armed_values, declarations, parameters
 from plumb.systems import shipped_tunings
+from plumb.systems.contracts import PINS, fitted
+from plumb.tuning.quantise import quantise
 
 try:
     find_image()
@@ -57,11 +60,18 @@ FOUND_BY_ANOTHER = {
 """What a row says when another check was first than the one it waits for, or when its own one is slower at this end."""
 
 
+def tuned_for(system: str, scenario_name: str, period_us: int) -> dict[str, int]:
+    """The words of the driving tuning at this period, as `plumb params set period_us` gives them: with those of another
+    period the loop swings up until the board finds its sensors implausible, without any fault."""
+    loaded, parts = systems.load(system), systems.load(system, PINS)
+    tuning = loaded.TUNINGS[parts.TUNING]
+    scenario = loaded.scenario(scenario_name or parts.SCENARIO, SEED, period_us=tuning.period_us)
+    params = quantise(replace(fitted(scenario, tuning), period_us=period_us))
+    return {**params.values, **params.link_words()}
+
+
 def moved(name: str, end: int) -> dict[str, int]:
-    """The words that a table needs with this end: a neutral pulse is no longer than the shortest that drives, and the
-    filter's period is the board's, or the board finds its estimate implausible before the fault comes."""
-    if name == "period_us":
-        return {"kalman.dt_s_q33": round(end * 1e-6 * 2**33)}
+    """The words that a table needs with this end: a neutral pulse is no longer than the shortest that drives."""
     return {"esc.min_halfus": end} if name == "esc.neutral_halfus" and end > SHORTEST_HALFUS else {}
 
 
@@ -99,6 +109,8 @@ def broken(row: Row) -> str:
 
 def failures(system: str, scenario: str, changes: dict[str, int], faults: list[Fault]) -> dict[str, str]:
     """Fault -> why its row failed. The board has to be armed with this table: LinkError when it is not."""
+    period_us = changes.get("period_us")
+    changes = {**(tuned_for(system, scenario, period_us) if period_us else {}), **changes}
     with Runner(system, phases=1, scenario=scenario, changes=changes) as runner:
         runner.scene("serial")
         rows = [runner.run(fault) for fault in faults if runner.applies(fault)]
@@ -113,7 +125,6 @@ def test_every_limited_parameter_and_promise_has_its_rows() -> None:
         *LIMITED,
         "esc_period_us",
         "esc.min_halfus",
-        "kalman.dt_s_q33",
     }
 
 

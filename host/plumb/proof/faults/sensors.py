@@ -161,9 +161,11 @@ def turned(degrees: float, over_s: float = 0.0) -> Action:
     return inject
 
 
-Q_ANGLE = ("kalman.qa_hi", "kalman.qa_lo")
-"""Growth of the angle's variance in a step, upper and lower word."""
+Q_ANGLE, Q_BIAS = ("kalman.qa_hi", "kalman.qa_lo", 32), ("kalman.qb", "kalman.qb_frac_q30", 30)
+"""Growth of the variances of angle and bias in a step: upper and lower word, bits of the lower one."""
 R_GAIN = "tilt.r_gain"
+NOMINAL_US = 5000
+"""Period of the shipped table, at which the filter takes on up to 1.6 of an innovation a second."""
 SETTLED_S = 3.0
 """After arming, in which the filter's gain falls until an innovation lasts for longer than its check."""
 
@@ -175,12 +177,14 @@ def settled(scene: Scene) -> None:
 def begun_without_sigma(scene: Scene, q_angle_times: int = 1) -> None:
     """A new run, armed at the first moment at which the board allows it. Its R is constant, and its table has no unit
     of variance, so that an innovation counts from 15 deg on: a tuning with a large R asks for 6 sigma, and another
-    check would be first."""
+    check would be first. Its Q grows with the period once more than a tuning's, so that the filter takes on as much a
+    second at each."""
     scene.session.end()
     table = by_name(parameter_table.read_table(scene.session))
-    high, low = (table[name] for name in Q_ANGLE)
-    grown = divmod(q_angle_times * (high * 2**32 + low), 2**32)
-    changes = {parameters.UNIT: 0, R_GAIN: 0, **dict(zip(Q_ANGLE, grown, strict=True))}
+    changes = {parameters.UNIT: 0, R_GAIN: 0}
+    for (high, low, bits), times in ((Q_ANGLE, q_angle_times), (Q_BIAS, 1)):
+        grown = ((table[high] << bits) + table[low]) * times * table["period_us"] // NOMINAL_US
+        changes |= {high: grown >> bits, low: grown % (1 << bits)}
     parameter_table.commit(scene.session, {**table, **changes})
     scene.session.begin("REALTIME_LIVE", frames=scene.live.FRAMES)
     arm(scene)
