@@ -138,6 +138,7 @@ def systems_h(built: Sequence[System]) -> str:
 USED = {
     "PULSES": ("the outputs to speed controllers", ("PULSES",)),
     "BRIDGE": ("the three-phase bridge, with its Hall sensors", ("BRIDGE", "BALANCE")),
+    "ROTORS": ("the outputs to the speed controllers of four rotors, and the receiver of a pilot", ("ROTORS",)),
     "ANALOG": ("the analog inputs", ("ANALOG_3", "ANALOG_6")),
     "DIGITAL": ("the digital sensors", ("BALANCE", "SIX_AXES")),
 }
