@@ -81,7 +81,7 @@ static void actuate(void) {
     }
 }
 
-/* The sensor sets that systems declare have the numbers of those that boards offer. */
+/* CONTROL_SENSORS_* of the systems and BOARD_SENSORS_* of the boards have the same numbers. */
 typedef char control_assert_sensors[(int)CONTROL_SENSORS_NONE == (int)BOARD_SENSORS_NONE &&
                                             (int)CONTROL_SENSORS_ANALOG_3 == (int)BOARD_SENSORS_ANALOG_3 &&
                                             (int)CONTROL_SENSORS_ANALOG_6 == (int)BOARD_SENSORS_ANALOG_6 &&
@@ -105,7 +105,7 @@ __attribute__((noinline)) static void choose_sensors(bool injected) {
     board_use_sensors(&wanted);
 }
 
-/* Tells the session how the board is; returns its faults (BOARD_FAULT_*). */
+/* Passes the state of the board to the session; returns its faults (BOARD_FAULT_*). */
 __attribute__((noinline)) static uint32_t report(uint32_t now_us) {
     session_report_t said; /* every member is set; an initialiser would clear the whole first */
     said.faults = board_faults();
@@ -159,7 +159,7 @@ static void seal_memory(run_mode_t mode) {
     }
 }
 
-/* Sets timer, actuator and sensors as the session orders. */
+/* Carries out the orders of the session: timer, actuator and sensors. */
 static void obey(const session_orders_t *orders) {
     if (orders->begun) {
         board_set_period_us(0u);

@@ -3,14 +3,14 @@
 #include <stdbool.h>
 
 #define INNOVATION_LIMIT_Q28 ((1 << 28) - 1)
-#define GATE                 25 /* square of the sigmas beyond which a rest is a turn */
+#define GATE                 25 /* 5^2: beyond 5 sigma a supposed rest is a turn */
 
-/* Entries of the covariance and corrections: modulo 2^32, as no input may make a sum undefined. */
+/* Adds to an entry of the covariance or to a correction, modulo 2^32: no input makes the sum undefined. */
 static inline void add(int32_t *to, int32_t by) {
     *to = add_wrap(*to, by);
 }
 
-/* 16 times, modulo 2^32: a product of Q28 and Q32 from Q28 to Q32. */
+/* 16 x, modulo 2^32: converts a product of Q28 and Q32 from Q28 to Q32. */
 static inline int32_t times_16(int32_t x) {
     return wrap_i32((uint32_t)x << 4);
 }
@@ -20,7 +20,7 @@ static inline int32_t *row_of(int32_t *triangle, unsigned i) {
     return triangle + i * (i + 1U) / 2U;
 }
 
-/* Where the variance of a state is. */
+/* Address of the variance of a state. */
 static inline int32_t *variance_of(plumb_error_filter_t *e, unsigned state) {
     return &row_of(e->covariance_q32, state)[state];
 }

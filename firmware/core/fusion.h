@@ -1,5 +1,4 @@
-/* The slices of the filter of plumb/fusion.h, in the order in which a step takes them: the manual is there.
- */
+/* The slices of the filter that plumb/fusion.h describes, in the order in which a step calls them. */
 #ifndef PLUMB_CORE_FUSION_H
 #define PLUMB_CORE_FUSION_H
 

@@ -4,7 +4,7 @@ SELDOM_CALLED void plumb_pid_init(plumb_pid_t *c) {
     *c = (plumb_pid_t){0};
 }
 
-/* What a step adds to the integral, at the last error and rate. */
+/* Amount that a step adds to the integral, at the last error and rate. */
 SELDOM_CALLED static int32_t direct_part(const plumb_pid_t *c, const plumb_pid_params_t *p) {
     return mulhi_i32(c->error_turn_q32, p->kp_q22) - mulhi_i32(c->rate_filtered_turnps_q27, p->kd_q27);
 }

@@ -28,8 +28,8 @@ static bool lasts(uint32_t *for_s_q33, bool met, uint32_t dt_s_q33, uint32_t lim
     return *for_s_q33 >= limit_s_q33;
 }
 
-/* A filter whose gain is high follows a wrong accelerometer before the time is over: 0.3 s of 28 deg are no
- * longer 15 deg when it takes on more than 2 a second. The time then counts fourfold. */
+/* A filter with a high gain follows a wrong accelerometer before the time limit: above a gain of 2 per
+ * second, an innovation of 28 deg falls below 15 deg within 0.3 s. The time then counts fourfold. */
 static uint32_t early(int32_t k0_q29, uint32_t dt_s_q33) {
     return (uint32_t)k0_q29 > dt_s_q33 >> 3 ? 4U * dt_s_q33 : dt_s_q33;
 }
@@ -54,8 +54,9 @@ static bool above_six_sigma(uint32_t innovation_turn_q32, int32_t k0_q29, uint32
     return mul_u64(square_q34, rest_q29) >> 7 > mul_u64(36U * variance, unit_turn2_q56);
 }
 
-/* By how much the accelerometer's tilt has turned more than the gyro says: added to the mismatch, which leaks
- * with 0.25 s; its amount, in any direction, is averaged: noise adds up to no mismatch. */
+/* Compares the turn of the accelerometer's tilt with the turn by the gyro. The difference is added to the
+ * mismatch, which leaks with 0.25 s, so that noise does not add up. The mean of its absolute value is the
+ * unevenness. */
 static void compare_rates(plumb_plausibility_t *p, int32_t measured, int32_t rate, int32_t dt_s_q33,
                           int32_t share) {
     const int32_t between = asr32(p->rate_turnps_q28, 1) + asr32(rate, 1);

@@ -6,10 +6,10 @@
 #include "fixed.h"
 #include "plumb/rate_loop.h"
 
-/* What the loop may do with its integral. */
+/* State of the vehicle, which decides what happens to the integral. */
 typedef enum {
-    RATE_LOOP_OFF,      /* the rotors are off: it is 0 */
-    RATE_LOOP_GROUNDED, /* it is forgotten: a 32nd in a step */
+    RATE_LOOP_OFF,      /* the rotors are off: the integral is 0 */
+    RATE_LOOP_GROUNDED, /* the integral decays by a 32nd per step */
     RATE_LOOP_FLYING
 } rate_loop_mode_t;
 

@@ -15,7 +15,7 @@ typedef struct {
     uint16_t railed; /* counts in a row at a rail, stops at 65535 */
 } watch_t;
 
-/* So many counts, one every interval_us, take limit_ms: at least `least`; 0 for a limit of 0, which means
+/* Number of counts in limit_ms, one every interval_us, but at least `least`; 0 for a limit of 0, which means
  * never. */
 static inline uint32_t watch_limit(uint32_t limit_ms, uint32_t interval_us, uint32_t least) {
     const uint32_t count = (1000U * limit_ms + interval_us - 1U) / interval_us;

@@ -2,9 +2,9 @@
  *
  * The board disarms when an interlock blocks (ARMING_BLOCK_*) or the keep-alive times out. It stays disarmed
  * (latched) until a host sends a new arm command with a fresh nonce, or the arm switch is opened and closed
- * again. The outputs must be safe 50 ms after the last keep-alive that counted (keepalive.h). What else takes
- * time is less than the rest of these 50 ms, on the slower of the board's oscillators, too:
- * docs/reference/protocol.md adds it up.
+ * again. The outputs must be safe 50 ms after the last keep-alive that counted (keepalive.h). The time-out
+ * leaves enough of these 50 ms for all other delays, also on the slower of the board's oscillators:
+ * docs/reference/protocol.md adds them up.
  * Time is an argument, in us of the board's clock; differences are taken modulo 2^32.
  *
  * Each arming has a number, which the ACK of ARM tells the host and every keep-alive value carries. Only

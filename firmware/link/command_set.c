@@ -5,7 +5,7 @@
 #include "generated/messages.h"
 #include <string.h>
 
-#define LAPSE_STEPS 8U /* the frames of a set come within so many steps: their number has four bits */
+#define LAPSE_STEPS 8U /* a set must come within this many steps: their number has four bits */
 
 /* None before the first run. */
 static unsigned frames_of(const control_system_t *system) {

@@ -2,8 +2,8 @@
  *
  * The frames of a set come in order, and the SETPOINT of the same step completes it. They carry the low four
  * bits of its step number. A set counts when all its frames have come and every value is within the limits
- * that the system declares; its age is that of its SETPOINT (setpoint.h). Words are those of the system's
- * declaration, 16 bits each. Only images with such a system have this code. */
+ * that the system declares; its age is that of its SETPOINT (setpoint.h). The words are those of the system's
+ * declaration, 16 bits each. Only images with a system that declares commands contain this code. */
 #ifndef PLUMB_LINK_COMMAND_SET_H
 #define PLUMB_LINK_COMMAND_SET_H
 
@@ -40,7 +40,7 @@ typedef enum {
     COMMAND_SET_BEYOND_LIMITS,
 } command_set_state_t;
 
-/* Of the set that the SETPOINT of step `number` completes. next_step: of the run. */
+/* State of the set that the SETPOINT of step `number` completes. next_step: of the run. */
 command_set_state_t command_set_state(const command_set_t *c, uint16_t number, uint16_t next_step);
 
 /* The set that came in becomes the one in use. Call after COMMAND_SET_WHOLE alone. */

@@ -3,7 +3,7 @@
 
 #define NUMBER_MASK (INJECTED_NUMBERS - 1U)
 #define AHEAD_MOST  31U /* numbers that a sample may be ahead of the last, whenever it comes */
-#define AHEAD_EARLY 8U  /* and further by time: so many, and a quarter, more than its time of arrival says */
+#define AHEAD_EARLY 8U  /* beyond that: 8 and a quarter more than the time since the last arrival allows */
 
 /* Gaps of 40 ms do not disarm; the outputs are neutral 50 ms after the last new sample, with pulses of 400 Hz
  * (2.5 ms) and a turn of the loop (1 ms). Slow periods get two lost samples. */
@@ -15,8 +15,9 @@
 #define LOST_ONE_IN 4U      /* may be lost */
 #define REPEATS_MAX 24U /* noise: 0.5 LSB rms in one channel alone repeats so often once in 20 h at 5 ms */
 
-/* One channel repeats: 0.42 s at 20 ms, the longest period that arms. Not below 300 ms: 0.7 LSB rms stay for
- * 20 samples of 5 ms now and then. All channels together: for at least stuck_ms. */
+/* A channel is stuck after 20 equal counts, and after at least 300 ms: with noise of 0.7 LSB rms, 20 equal
+ * counts in a row occur now and then. At 20 ms, the longest period that arms, that is 0.42 s. All channels
+ * together are stuck after stuck_ms. */
 #define STUCK_LEAST    20U
 #define STUCK_LEAST_MS 300U
 #define ALL_LEAST      8U
@@ -44,7 +45,8 @@ static unsigned ahead_of_last(const injected_t *in, unsigned number) {
     return in->begun ? ((number - in->number - 1U) & NUMBER_MASK) + 1U : 1U;
 }
 
-/* More than the time since the last arrival allows. A circle never lets time pass without an arrival. */
+/* True when a sample is further ahead than the time since the last arrival allows. A source that replays a
+ * loop of samples never pauses, so its old numbers are always too far ahead. */
 static bool too_far(unsigned ahead, uint32_t period_us, uint32_t since_us) {
     const uint32_t periods = since_us / period_us;
 
@@ -65,7 +67,8 @@ bool injected_counts(injected_t *in, unsigned number, uint32_t period_us, uint32
     in->begun = true;
     in->number = (uint8_t)number;
     in->counted_us = now_us;
-    in->lost = (uint16_t)(in->lost + (goes_on ? *lost : 0U)); /* silence has ended the arming already */
+    in->lost =
+        (uint16_t)(in->lost + (goes_on ? *lost : 0U)); /* after a silence the board is already disarmed */
     in->came++;
     return true;
 }
@@ -75,7 +78,7 @@ void injected_spoilt(injected_t *in) {
     in->came--;
 }
 
-/* A circle of up to 64 samples has each number with the same counts again. */
+/* A source that replays a loop of up to 64 samples sends the same counts again with each number. */
 static void compare_with_mark(injected_t *in, const int16_t *raw, unsigned counts) {
     uint32_t hash = 0;
 

@@ -1,9 +1,9 @@
 /* Injected samples in real time: whether they are new, and whether their counts can be trusted.
  *
  * New: SAMPLE carries six bits of its number. A sample counts when it is ahead of the last one that counted,
- * by no more than its time of arrival allows: a repeated one, or one of a circle of up to 32, does not.
- * Longer circles lose numbers (more than 25 % in 250 ms is too much) or show: number by number their counts
- * are those of 64 numbers ago.
+ * by no more than its time of arrival allows. A repeated sample does not count, nor does a sample from a loop
+ * of up to 32 samples that is replayed. A longer loop either loses numbers (more than 25 % in 250 ms is too
+ * much) or is detected: the counts of each number equal those of 64 numbers ago.
  *
  * Trusted: the checks of core/watch.h that the board's own inputs have, at the rate of the samples. Times are
  * in us of the board's clock; differences are taken modulo 2^32. */
@@ -43,7 +43,7 @@ void injected_begin(injected_t *in);
  */
 bool injected_counts(injected_t *in, unsigned number, uint32_t period_us, uint32_t now_us, uint16_t *lost);
 
-/* A sample that counts was lost all the same: a part of it is missing. */
+/* Count a sample as lost that would count, because one of its frames is missing. */
 void injected_spoilt(injected_t *in);
 
 /* Check the counts of a sample that counts. system: NULL, or without plausibility: its counts are not

@@ -19,7 +19,7 @@ static void on_hello(session_t *s, const request_t *q) {
 
     routing_greet(&s->routing, q->link, good);
     if (!good) {
-        /* At once: a valid HELLO may follow before the next poll, and hide this one. */
+        /* At once: a valid HELLO before the next poll would hide this one. */
         session_link_lost(s, q->link, ARMING_BLOCK_HELLO);
     }
     staging_discard(&s->staging, q->link, s->params);
@@ -139,7 +139,8 @@ static void arm(session_t *s, const request_t *q) {
         routing_ack(&s->routing, q, s->arming.number | echo);
     } else {
         session_send_readiness(s, q->link); /* before the NACK, so that the host knows what is missing */
-        if ((blocked & ARMING_BLOCK_PARAMETER) != 0) { /* by name: it does not pass by itself */
+        if ((blocked & ARMING_BLOCK_PARAMETER) !=
+            0) { /* names the parameter: this reason does not pass by itself */
             routing_nack(&s->routing, q, MESSAGE_NACK_REASON_UNSAFE_PARAMETER, s->staging.unsafe);
         } else {
             routing_nack(&s->routing, q, MESSAGE_NACK_REASON_BLOCKED, blocked);

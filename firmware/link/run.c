@@ -86,8 +86,9 @@ static unsigned step6_of(const can_frame_t *f) {
     return e2e_counter(f) | ((e2e_flags(f) & FLAG_STEP_HIGH) << STEP6_SHIFT);
 }
 
-/* Reports each gap once: the samples that follow a gap are further and further ahead. One that is no further
- * ahead than the last shows that the host has gone back to the missing step, and that it got lost again. */
+/* Reports each gap once: the samples after a gap are further and further ahead of the missing step. A sample
+ * that is not further ahead than the one before shows that the host has repeated the missing sample, and that
+ * it was lost again. */
 static void report_gap(run_t *r, routing_t *routing, const request_t *q, unsigned ahead) {
     if (ahead <= r->gap_ahead) {
         routing->link[q->link].lost++;

@@ -31,7 +31,8 @@ typedef struct {
     int32_t setpoint_turn_q32;
 } run_sample_t;
 
-/* Kept outside of what is checked for damage: what is in them comes from a host and is checked as such. */
+/* Outside the memory that has a check word: its contents come from a host and are checked when they are used.
+ */
 typedef struct {
     run_sample_t queue[RUN_QUEUE_LENGTH];
     uint8_t marks[INJECTED_NUMBERS];

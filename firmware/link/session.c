@@ -64,8 +64,8 @@ static uint32_t hold_us(const session_t *s) {
 
 bool session_arm(session_t *s, const request_t *q, uint16_t *blocked) {
     *blocked = arming_blocked(s, q->link);
-    /* Hosts before version 3 put no number there: on a bus that another host has greeted this one is of
-     * another version all the same. */
+    /* Hosts before protocol version 3 send no asker. On a bus that a host of this version has greeted, such a
+     * host is still refused. */
     *blocked |= (uint16_t)(s->nonce[q->link].asker == 0 ? ARMING_BLOCK_HELLO : 0U);
     if (*blocked == 0) {
         s->bootloader_asked = false;
@@ -79,7 +79,7 @@ void session_link_lost(session_t *s, link_t link, uint16_t cause) {
     }
 }
 
-/* ---- a turn: what the board says, and what it has to do ---- */
+/* ---- a turn: state of the board, and orders to it ---- */
 
 void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
     s->bootloader_asked = false;
@@ -222,7 +222,7 @@ void session_send_readiness(session_t *s, link_t link) {
     outbox_telemetry(s->routing.link[link].outbox, message_plausibility_pack(&m), 0);
 }
 
-/* To one link that is open: what changed; all of it when its time has come. */
+/* Sends the status to one open link: the frames that changed, or all of them when the period is over. */
 static void send_status(session_t *s, link_t link, bool all, uint32_t now_us) {
     const routing_link_t *const l = &s->routing.link[link];
     message_status_t status = {.mode = (uint16_t)s->run.mode, .blocked = arming_blocked(s, link)};
@@ -243,7 +243,7 @@ static void send_status(session_t *s, link_t link, bool all, uint32_t now_us) {
     status_send(&s->status, &round, &status, (uint8_t)flags, &events, &plausibility);
 }
 
-/* In lockstep nothing can be armed, and the host compares every step: there a change waits for its turn. */
+/* In lockstep nothing can be armed, and the host compares every step: a change waits for the period. */
 static void send_news(session_t *s, uint32_t now_us) {
     const bool all = status_due(&s->status, now_us);
 
@@ -287,7 +287,7 @@ static void send_time(session_t *s, uint32_t now_us) {
     }
 }
 
-/* The counts of injected samples are sensors of the board like its own. */
+/* The counts of injected samples are checked like the board's own sensors. */
 static void check_injected(session_t *s) {
     const injected_t *const in = &s->run.injected;
 

@@ -16,9 +16,9 @@
  *
  *     requests_receive()        bytes of the UART, at most requests_room()
  *     requests_receive_frame()  frames of CAN, while requests_frame_room()
- *     session_report()          what the board says of itself
+ *     session_report()          the state of the board
  *     session_poll()            may disarm
- *     session_take_orders()     what the board has to do
+ *     session_take_orders()     orders to the board
  *     per sample                session_take_inputs(), control_step(), actuate if driving, session_stepped()
  *     session_transmit()        text for the UART; session_transmit_frame() for CAN
  *
@@ -71,7 +71,7 @@ typedef struct {
     uint32_t bootloader_us; /* when the bootloader was asked for */
 } session_t;
 
-/* What the board says of itself in a turn. */
+/* State of the board in a turn of the loop. */
 typedef struct {
     uint32_t faults;    /* BOARD_FAULT_*; with one of SESSION_FAULTS_BLOCKING the next poll disarms */
     bool switch_closed; /* the arm switch: closing it arms, opening it disarms (arming.h) */
@@ -79,7 +79,7 @@ typedef struct {
     board_health_t sensors;        /* the details of BOARD_FAULT_SENSOR, sent as SENSORS */
 } session_report_t;
 
-/* What the board has to do in a turn. */
+/* Orders of the session to the board in a turn of the loop. */
 typedef struct {
     run_mode_t mode;
     bool begun; /* a run has begun: state, step number and digest are reset; true once for each */
@@ -104,14 +104,14 @@ void session_recover(session_t *s, session_buffers_t *buffers, const board_ident
 
 /* ---- for the main loop ---- */
 
-/* Take what the board says of itself: on every turn. */
+/* Pass the state of the board to the session. Call on every turn. */
 void session_report(session_t *s, const session_report_t *report, uint32_t now_us);
 
 /* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop after session_report(), at
  * least once per millisecond. */
 void session_poll(session_t *s, uint32_t now_us);
 
-/* What the board has to do, until the next poll. */
+/* The orders to the board, until the next poll. */
 session_orders_t session_take_orders(session_t *s, uint32_t now_us);
 
 /* The inputs of the next step. Live: raw holds the counts of the sensors, the setpoint and the commands are

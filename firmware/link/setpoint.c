@@ -44,8 +44,9 @@ void setpoint_begin(setpoint_t *s, const control_system_t *system) {
     s->numbered = false;
 }
 
-/* A source that has heard of step n - 1, and not of step n, says n. A quarter turn of the numbers after the
- * last one that counted their order is not asked for any more: any other number that is not old is newer. */
+/* A source that has received STEP n - 1, and not STEP n, sends n. Numbers are compared with the last one that
+ * counted, but only for a quarter of their range after it: later any number that is not too old, and not the
+ * same, is newer. */
 setpoint_age_t setpoint_age(const setpoint_t *s, uint16_t number, uint16_t next_step, uint32_t period_us) {
     const bool ordered = s->numbered && s->steps_since <= (uint16_t)INT16_MAX / 2U;
 
@@ -74,9 +75,9 @@ void setpoint_receive(setpoint_t *s, int32_t turn_q32) {
     s->waiting = true;
 }
 
-/* Whatever disarmed the board, its setpoint ends there, and so does one that is still on its way: it carries
- * the number of the next step at most, since the STEP of that one tells the source. Commands begin anew with
- * arming, too: a setpoint that is not 0 keeps the board from arming. */
+/* Disarming for any cause ends the setpoint. A setpoint that is still on its way carries at most the number
+ * of the next step, because the source has received no later STEP, and does not count either. Commands return
+ * to neutral, too, because a setpoint that is not 0 blocks arming. */
 static void end_with_arming(setpoint_t *s, bool armed, uint16_t next_step) {
     if (s->armed && !armed) {
         setpoint_number(s, next_step);

@@ -2,9 +2,10 @@
  *
  * While the actuator is driven, a source that is silent for SETPOINT_SILENCE_US counts as lost, and the
  * setpoint becomes 0; so it does when the board disarms. In real time a setpoint counts when it carries a
- * newer step number than the last one that counted and than the last step that was armed, and one that the
- * source can have heard within SETPOINT_SILENCE_US: what repeats recorded setpoints is silence. Setpoints are
- * in the system's unit, turn Q32 for an angle. Times are in us of the board's clock, modulo 2^32. */
+ * newer step number than the last one that counted and than the last step that was armed, and when the source
+ * can have received that number within SETPOINT_SILENCE_US: a source that replays recorded setpoints counts
+ * as silent. Setpoints are in the system's unit, turn Q32 for an angle. Times are in us of the board's clock,
+ * modulo 2^32. */
 #ifndef PLUMB_LINK_SETPOINT_H
 #define PLUMB_LINK_SETPOINT_H
 

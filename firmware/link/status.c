@@ -15,7 +15,7 @@ bool status_due(status_t *s, uint32_t now_us) {
     return due(&s->status_us, STATUS_PERIOD_US, now_us);
 }
 
-/* True when a frame is to be sent now: its turn has come, or its event changed. A change that finds no room
+/* True when a frame is to be sent now: its period is over, or its event changed. A change that finds no room
  * waits for the next call. */
 static bool told_now(const status_round_t *round, status_told_t *told, uint32_t state, uint32_t count) {
     const uint32_t since_us = round->now_us - told->changed_us;
@@ -39,7 +39,7 @@ static uint32_t both(uint16_t low, uint16_t high) {
     return low | (uint32_t)high << 16;
 }
 
-/* Each kind is a function of its own, not inlined: one frame at a time is on the stack. */
+/* One function for each kind, not inlined, so that only one frame at a time is on the stack. */
 #define ONE_KIND __attribute__((noinline)) static void
 
 ONE_KIND send_state(const status_round_t *round, const message_status_t *m, uint8_t flags) {

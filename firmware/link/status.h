@@ -1,6 +1,6 @@
-/* Status: what the board reported last, and the frames that tell it: TIME every STATUS_TIME_US; STATUS,
- * COUNTERS, EVENTS, CAN_HEALTH, SENSORS and PLAUSIBILITY to each open link every STATUS_PERIOD_US, and one of
- * them at once when an event in it changed. A fault must not wait for its turn of 100 ms. Times are in us of
+/* Status: the last state of the board, and the frames that report it. TIME goes out every STATUS_TIME_US;
+ * STATUS, COUNTERS, EVENTS, CAN_HEALTH, SENSORS and PLAUSIBILITY go to each open link every STATUS_PERIOD_US.
+ * A frame in which an event changed goes out at once: a fault must not wait for 100 ms. Times are in us of
  * the board's clock, modulo 2^32. */
 #ifndef PLUMB_LINK_STATUS_H
 #define PLUMB_LINK_STATUS_H
@@ -14,19 +14,20 @@
 #define STATUS_TIME_US   50000U
 #define STATUS_PERIOD_US 100000U
 
-/* Between two frames of one kind that are sent because of a change: of a state (faults, armed, why it was
- * disarmed, why a sensor is not to be trusted), and of a counter, which may run for as long as its cause. */
+/* Shortest time between two frames of one kind that are sent because of a change: of a state (faults, armed,
+ * cause of disarming, cause of a sensor's fault), and of a counter, which may count for as long as its cause
+ * lasts. */
 #define STATUS_STATE_US 2000U
 #define STATUS_COUNT_US 20000U
 
-/* What was last told of a frame's event: its state and its count, packed. */
+/* Event of a frame as last sent: its state and its count, packed. */
 typedef struct {
     uint32_t state;
     uint32_t count;
     uint32_t changed_us; /* last time it was sent because of a change */
 } status_told_t;
 
-/* What one link was told last; what changes while it is closed is told when it opens. */
+/* Events as last sent on one link; a change while it is closed is sent when it opens. */
 typedef struct {
     status_told_t status;
     status_told_t counters;
@@ -49,13 +50,13 @@ typedef struct {
 bool status_time_due(status_t *s, uint32_t now_us);
 bool status_due(status_t *s, uint32_t now_us);
 
-/* A link and what it is to be told now. */
+/* A link, and which frames are due on it now. */
 typedef struct {
     const routing_link_t *link;
     status_news_t *news;
     uint32_t now_us;
     bool all;    /* STATUS_PERIOD_US are over */
-    bool counts; /* counters are told at once, too: a run in real time is on */
+    bool counts; /* a changed counter is sent at once, too: a run in real time is on */
 } status_round_t;
 
 /* Call on every turn of the loop for an open link: sends the frames that are due. status, flags: mode,

@@ -5,8 +5,9 @@
  *     magic (2)  sequence (2)  count (1)  count times: id (1), value (2)  CRC-32 of all of it (2)  seal (1)
  *
  * A value is saved with the id of its parameter, so that another version of the table finds the parameters
- * that it still has, and an image of other systems those that both hold. What this image does not hold is not
- * saved: another image then reports it as missing, and does not take a constant for a value that was set.
+ * that it still has, and an image with other systems those that both images hold. Parameters that this image
+ * does not hold are not saved: another image then reports them as missing, and does not mistake a constant
+ * for a value that was set.
  *
  * The seal is 0x0000 and is programmed last, after everything was read back: a slot without it counts as
  * empty. Saving writes the slot that is not in use; so whenever power fails, either the old set or the new

@@ -4,8 +4,8 @@
 #include "core/error_filter.h"
 #include "plumb/mounting.h"
 
-/* The kernels are compiled for the cycles of a small step. This one is large: without renamed registers, and
- * with the short forms of instructions, it takes less flash and hardly more cycles.
+/* The compiler options of the kernels save cycles in a small step. This step is large: without register
+ * renaming, and with short instructions, it takes less flash and hardly more cycles.
  */
 #if defined(__GNUC__) && defined(__arm__)
 #pragma GCC optimize("no-rename-registers", "peephole2")
@@ -85,8 +85,8 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     w->thrust_q15 = setpoint;
     w->step++;
 
-    /* Without a sample rate and acceleration go on. The last step of a block takes none after a gap: a bridge
-     * and the end of a block are each the work of a step. */
+    /* Without a sample, rate and acceleration keep their values. After a gap the last step of a block takes
+     * no sample: bridging the gap and closing the block are each the work of one step. */
     uint32_t flags = PLUMB_ATTITUDE_FLAG_MISSING;
     if (raw[0] == INT16_MIN || (c->gap_steps != 0U && w->block_step + 1U == (uint32_t)a->block_steps)) {
         w->missing_steps++;
@@ -123,7 +123,7 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     const int32_t fx = ax + mulhi_i32(ey, az) - mulhi_i32(ez, ay) + mulhi_i32(by, hz) - mulhi_i32(bz, hy);
     const int32_t fy = ay + mulhi_i32(ez, ax) - mulhi_i32(ex, az) + mulhi_i32(bz, hx) - mulhi_i32(bx, hz);
     const int32_t fz = az + mulhi_i32(ex, ay) - mulhi_i32(ey, ax) + mulhi_i32(bx, hy) - mulhi_i32(by, hx);
-    /* coning: the axis of the turn itself has turned (the same author, part 1) */
+    /* coning: the axis of rotation turns within the step (the same author, part 1) */
     const int32_t sx = c->half_sixth_q32[0], sy = c->half_sixth_q32[1], sz = c->half_sixth_q32[2];
     const int32_t turn_x = hx + mulhi_i32(sy, hz) - mulhi_i32(sz, hy);
     const int32_t turn_y = hy + mulhi_i32(sz, hx) - mulhi_i32(sx, hz);
@@ -143,7 +143,7 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     c->force_sum_q18[0] += asr32(along(m, fx, fy, fz), 5);
     c->force_sum_q18[1] += asr32(along(m + 3, fx, fy, fz), 5);
     c->force_sum_q18[2] += asr32(along(m + 6, fx, fy, fz), 5);
-    if (a->aid_s_q24 != 0) { /* of the acceleration along the body's z, which is thrust */
+    if (a->aid_s_q24 != 0) { /* sums the acceleration along the body's z, which is thrust */
         c->thrust_sum_q18[0] += asr32(mulhi_i32(m[2], fz), 5);
         c->thrust_sum_q18[1] += asr32(mulhi_i32(m[5], fz), 5);
     }

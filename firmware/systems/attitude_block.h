@@ -1,5 +1,5 @@
-/* The end of a block of `attitude`, and what it leaves to the steps of the next one: correction, judgement,
- * growth and measurements, a slice a step. Included once, by attitude.c. */
+/* The end of a block of `attitude`, and its computations in the steps of the next block, one slice a step:
+ * correction, judgement, growth and measurements. Included once, by attitude.c. */
 #ifndef PLUMB_SYSTEMS_ATTITUDE_BLOCK_H
 #define PLUMB_SYSTEMS_ATTITUDE_BLOCK_H
 
@@ -15,15 +15,15 @@
 #define LEAST_REST_Q16      59146U    /* 0.95^2 g^2: the acceleration of a body at rest */
 #define MOST_REST_Q16       72253U    /* 1.05^2 g^2 */
 #define MOST_BY_TURN        (1 << 30) /* growth of the tilt's variance by the square of a turn, Q32 */
-#define RISE_LIMIT_Q18      157286    /* 0.6 g: no body falls with it for seconds */
+#define RISE_LIMIT_Q18      157286    /* 0.6 g: no body accelerates downwards so much for seconds */
 #define RESTING_SQUARE_Q24  104857600 /* (2.5 g s)^2: a body at rest is not as fast as 25 m/s */
 #define JUDGED              (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
 
-/* What a step computes of the last block. Each measurement takes two slices; velocity x, y, and at rest bias
- * x, y, z; the first one ends the growth, too. */
+/* The slice of the last block that a step computes. Each measurement takes two slices: velocity x, y, and at
+ * rest also bias x, y, z. The first slice of the first measurement also completes the growth. */
 enum { SLICE_NONE, SLICE_CORRECT, SLICE_JUDGE, SLICE_TILT_X, SLICE_TILT_Y, SLICE_MEASURE };
 
-/* The sums of a block that begins. */
+/* Clears the sums at the start of a block. */
 static void clear_sums(plumb_attitude_t *c) {
     for (unsigned j = 0; j < 3U; j++) {
         c->rows_sum_q22[0][j] = c->rows_sum_q22[1][j] = 0;
@@ -36,7 +36,7 @@ static void clear_sums(plumb_attitude_t *c) {
     c->moved = false;
 }
 
-/* As before the first sample; the heading stays. */
+/* Restarts the filter as before the first sample; the heading stays. */
 SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
     plumb_attitude_words_t *const w = &c->words;
     for (unsigned i = 0; i < 3U; i++)
@@ -53,7 +53,7 @@ SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
     clear_sums(c);
 }
 
-/* The corrections of the block before, as the last one has made them grow, to the state. */
+/* Applies the corrections of the block before the last one, propagated over the last block, to the state. */
 SELDOM void correct(plumb_attitude_t *c) {
     plumb_attitude_words_t *const w = &c->words;
     const int32_t *const by = c->errors.correction_q28;
@@ -75,8 +75,9 @@ SELDOM void correct(plumb_attitude_t *c) {
         w->velocity_gs_q28[i] = saturated(w->velocity_gs_q28[i] + 2 * (int64_t)by[VELOCITY + i]);
 }
 
-/* A body at rest whose acceleration is 1 g, within 5 %, and 26 deg or more off the vertical: a body that
- * accelerates horizontally so much would feel 1.11 g. */
+/* True for an acceleration of 1 g, within 5 %, that is 26 deg or more off the vertical. A body that
+ * accelerates horizontally would measure at least 1.11 g at that angle, so the attitude is wrong when the
+ * body rests. */
 static bool tilted_at_rest(const int32_t mean_g_q18[3]) {
     uint32_t square_q16 = 0, up_q16 = 0;
     for (unsigned i = 0; i < 3U; i++) {
@@ -88,8 +89,8 @@ static bool tilted_at_rest(const int32_t mean_g_q18[3]) {
            (mean_g_q18[2] < 0 || up_q16 * 100U < square_q16 * 81U);
 }
 
-/* Whether the acceleration of the last block contradicts the vertical: that of a body that rests, or what has
- * lasted. */
+/* True when the acceleration contradicts the vertical: that of the last block at rest, or its vertical part,
+ * averaged over seconds. */
 static bool contradicts(plumb_attitude_t *c, const plumb_attitude_params_t *p, bool rests) {
     int32_t mean_g_q18[3];
     for (unsigned i = 0; i < 3U; i++)
@@ -98,11 +99,12 @@ static bool contradicts(plumb_attitude_t *c, const plumb_attitude_params_t *p, b
     return c->rise_g_q18 > RISE_LIMIT_Q18 || (rests && tilted_at_rest(mean_g_q18));
 }
 
-/* What a block has shown of the velocity: how far it is trusted to be zero, and whether the attitude is
- * lost. Then a new start, or the first growth of the covariance.
+/* Judges the velocity of a block: how far it may be taken for zero, and whether the attitude is lost. Then
+ * either restarts the filter, or propagates the covariance of the velocity for the first time.
  *
- * The stated variance has, besides the filter's, the tilt that keeps up a velocity that has lasted: in flight
- * against the drag, which the filter follows in 2 s; else in 128 s, less than the velocity's own leak. */
+ * The stated variance is that of the filter, plus the square of the tilt error that would sustain the lasting
+ * velocity: in flight v / 2 s, because the filter follows the drag in 2 s; else v / 128 s, less than the leak
+ * of the velocity. */
 SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     plumb_attitude_words_t *const w = &c->words;
     int32_t square_q24 = 0;
@@ -140,7 +142,7 @@ SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     }
 }
 
-/* What the last block has left to do, one slice a step. Returns whether it has turned the attitude. */
+/* Computes one slice of the last block. Returns true when it has turned the attitude. */
 SHARED bool compute_slice(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     const unsigned slice = c->slice;
     const unsigned measured = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U ? 5U : 2U;
@@ -177,9 +179,8 @@ SELDOM int32_t gained(int32_t force_sum_q18, int32_t dt_s_q33) {
     return saturated(asr64(mul_i64(force_sum_q18, dt_s_q33), 23));
 }
 
-/* How much the tilt has become uncertain in a block, rad^2 Q32. A lasting velocity that is more than a body
- * has that moves little says that turns were measured worse than the parameters expect, unless the body
- * travels or flies. */
+/* Growth of the tilt's variance in a block, rad^2 Q32. A lasting velocity above that of a body that moves
+ * little shows that turns are measured worse than the parameters expect, unless the body travels or flies. */
 static int32_t tilt_growth(const plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     const int32_t lasting_q24 = max_i32(travel_square(c) - (p->speed_min >> 2), 0);
     const int64_t doubt = travels(c) || c->airborne ? 0 : asr64(mul_i64(lasting_q24, p->doubt_q24), 16);
@@ -191,13 +192,13 @@ static int32_t tilt_growth(const plumb_attitude_t *c, const plumb_attitude_param
     return growth < VARIANCE_LIMIT_Q32 ? (int32_t)growth : VARIANCE_LIMIT_Q32;
 }
 
-/* The last step of a block: its sums become the coupling of tilt and gyro, a velocity, and what the slices of
- * the next block need. Returns whether it has turned the attitude. */
+/* The last step of a block: its sums become the coupling of tilt and gyro, a velocity, and the inputs of the
+ * slices of the next block. Returns true when it has turned the attitude. */
 SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     plumb_attitude_words_t *const w = &c->words;
     const int32_t dt = (int32_t)p->dt_s_q33;
     const int32_t gains[2] = {gained(c->force_sum_q18[0], dt), gained(c->force_sum_q18[1], dt)};
-    bool moved = c->moved || c->airborne; /* nothing in the air rests, however still it hangs */
+    bool moved = c->moved || c->airborne; /* a hovering vehicle may move as little as a resting one */
 
     for (unsigned i = 0; i < 3U; i++) {
         moved |= abs_u32(sub_wrap(c->force_sum_q18[i], c->force_before_q18[i])) > (uint32_t)p->rest_accel ||
@@ -212,7 +213,7 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
 
     const bool aligning = c->aligned_blocks < ALIGNING_BLOCKS;
     if (aligning) {
-        /* the vertical is the mean of all so far; at least 1/32 g s, so that a fall turns nothing */
+        /* the vertical is the mean of all samples so far; below 1/32 g s, as in a fall, nothing is turned */
         const int32_t x = saturated((int64_t)w->velocity_gs_q28[0] + gains[0]);
         const int32_t y = saturated((int64_t)w->velocity_gs_q28[1] + gains[1]);
         const int32_t z = saturated((int64_t)c->errors.correction_q28[0] + gained(c->force_sum_q18[2], dt));

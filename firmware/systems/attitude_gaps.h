@@ -1,5 +1,5 @@
-/* What `attitude` does about samples that are missing or at the limit of a sensor. Included once, by
- * attitude.c. */
+/* How `attitude` handles samples that are missing or at the limit of a sensor. Included once, by attitude.c.
+ */
 #ifndef PLUMB_SYSTEMS_ATTITUDE_GAPS_H
 #define PLUMB_SYSTEMS_ATTITUDE_GAPS_H
 
@@ -13,10 +13,10 @@ KERNEL int32_t along(const int32_t m[3], int32_t x, int32_t y, int32_t z) {
     return mulhi_i32(m[0], x) + mulhi_i32(m[1], y) + mulhi_i32(m[2], z);
 }
 
-/* A sample after a gap: turn and acceleration of the gap become those of a straight line between the samples
- * on both sides, and their variance that of a random walk between them: (time * difference)^2 / 12, with the
- * difference of all three axes and half as much again, as one difference tells little of a motion.
- * force_g_q20: what the gap adds to the acceleration, body axes. */
+/* Bridges a gap at its next sample. Turn and acceleration in the gap are those of a straight line between the
+ * samples on both sides. Their variance is that of a random walk between these samples, (time * difference)^2
+ * / 12 with the difference of all three axes, times 1.5, because a single difference says little about the
+ * motion. force_g_q20: acceleration that the gap adds, body axes. */
 SELDOM void bridge(plumb_attitude_t *c, const plumb_attitude_params_t *a, const int32_t half[3],
                    int32_t force_g_q20[3]) {
     const int32_t steps = c->gap_steps;
@@ -45,7 +45,7 @@ SELDOM void bridge(plumb_attitude_t *c, const plumb_attitude_params_t *a, const 
     add_limited(&c->velocity_added_q26, mul_u64(gap_s2_q26, force_square_q18) >> 21, VELOCITY_ADDED_Q26);
 }
 
-/* The acceleration that a gap adds to the sums of the block. */
+/* Adds the acceleration of a gap to the sums of the block. */
 SELDOM void add_force(plumb_attitude_t *c, const int32_t m[9], const int32_t force_g_q20[3]) {
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t added_g_q18 = along(m + 3U * i, force_g_q20[0], force_g_q20[1], force_g_q20[2]);
@@ -54,14 +54,15 @@ SELDOM void add_force(plumb_attitude_t *c, const int32_t m[9], const int32_t for
     }
 }
 
-/* Samples in a row at the limit of a sensor: counted, and when they end, n^4 times the square of a slope.
- * What they do not show is taken for a parabola that begins with the larger slope of both ends, time^2 slope
- * / 6 in all; the variance of something between that and nothing is a third of its square. now, sixth: of
- * this step, and a sixth of the step before; a sixth of their difference is a slope, times 36 its square. */
+/* Counts samples in a row at the limit of a sensor. At their end returns n^4 times the square of a slope,
+ * else 0. The part beyond the limit is taken for a parabola that begins with the larger slope of both ends;
+ * its integral is time^2 slope / 6. The true part lies between 0 and that, with a variance of a third of its
+ * square. now: of this step; sixth: a sixth of the step before. The slope here is a sixth of their
+ * difference, so its square is 1/36 of the true one. */
 static uint64_t unseen(uint8_t *run, uint32_t *slope, bool clipped, const int32_t now[3],
                        const int32_t sixth[3]) {
     const uint32_t steps = *run;
-    if (clipped == (steps != 0U)) { /* it goes on, or there is none */
+    if (clipped == (steps != 0U)) { /* the row goes on, or there is none */
         *run = (uint8_t)(clipped ? min_u32(steps + 1U, LONGEST_RUN) : 0U);
         return 0U;
     }
@@ -75,7 +76,7 @@ static uint64_t unseen(uint8_t *run, uint32_t *slope, bool clipped, const int32_
     return clipped ? 0U : mul_u64(steps * steps * steps * steps, *slope);
 }
 
-/* Count samples at the limits, and add what they have hidden when they end. */
+/* Count samples at the limits, and at their end add the variance of the hidden part. */
 SELDOM void count_clipped(plumb_attitude_t *c, const plumb_attitude_params_t *a, uint32_t flags,
                           const int32_t half[3]) {
     if (flags == PLUMB_ATTITUDE_FLAG_MISSING || !c->started)

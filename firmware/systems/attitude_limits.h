@@ -6,8 +6,8 @@
 #include "core/error_filter.h"
 #include "plumb/attitude.h"
 
-/* Once a block, or less: a call, and small rather than fast. Shared: in every step and in a gap, once in the
- * image. */
+/* SELDOM: called once a block or less, so small rather than fast. SHARED: called in every step and in a gap,
+ * so it is in the image once. */
 #if defined(__GNUC__)
 #define SELDOM __attribute__((noinline, cold)) static
 #define SHARED __attribute__((noinline)) static
@@ -19,11 +19,11 @@
 #define ONE_Q30            (1 << 30)
 #define SIXTH_Q32          715827883
 #define VELOCITY_LIMIT_Q28 ((1 << 30) - 1) /* 4 g s, 39 m/s */
-#define VELOCITY_ADDED_Q26 13421773U       /* 0.2 g^2 s^2: most that lost accelerations add to a block */
-#define LONGEST_RUN        255U            /* steps of a gap or at a limit: more are counted as so many */
-#define HALF_LIMIT_Q30     461708984       /* 0.43 rad: with coning below 1/2 */
+#define VELOCITY_ADDED_Q26 13421773U /* 0.2 g^2 s^2: most variance that lost accelerations add to a block */
+#define LONGEST_RUN        255U      /* steps of a gap or at a limit: the count stops here */
+#define HALF_LIMIT_Q30     461708984 /* 0.43 rad: with coning below 1/2 */
 
-/* sat_i32 of what is computed seldom: once in the image. */
+/* sat_i32() for code that runs seldom: in the image once. */
 SELDOM int32_t saturated(int64_t x) {
     return sat_i32(x);
 }

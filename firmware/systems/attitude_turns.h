@@ -51,8 +51,8 @@ SELDOM uint32_t align(plumb_quaternion_t *q, int32_t x, int32_t y, int32_t z, ui
     return half;
 }
 
-/* Turn an acceleration of the earth by a small angle, as the attitude is turned: rest is a matter of the
- * body, and a correction is no motion. */
+/* Turn an acceleration in earth axes by the small angle of a correction of the attitude: the check for rest
+ * must not take the correction for a motion. */
 SELDOM void turn_force(int32_t force[3], int32_t x_q32, int32_t y_q32) {
     const int32_t fx = force[0], fy = force[1], fz = force[2];
     force[0] = add_wrap(fx, mulhi_i32(y_q32, fz));

@@ -41,14 +41,14 @@ typedef enum {
 typedef struct {
     uint16_t id;
     uint8_t half;  /* the 16 bits; or CONTROL_NO_WORD */
-    uint8_t shift; /* 0: its low 16 bits; else so many are dropped below, and the rest is saturated */
+    uint8_t shift; /* 0: its low 16 bits; else this many low bits are dropped, and the rest is saturated */
     uint8_t word;  /* the 32 bits */
 } control_frame_t;
 
 /* One input of a step that a host sets. Its words follow those of the one before it, the low one first. */
 typedef struct {
     int32_t low, high; /* limits */
-    int32_t neutral;   /* when no host sets it */
+    int32_t neutral;   /* value while no host sets it */
     uint8_t words;     /* 1 or 2, of 16 bits */
 } control_command_t;
 
@@ -73,8 +73,8 @@ typedef struct {
 #endif
 } control_system_t;
 
-/* Of the system in use; of one that this image does not have: a record of two zeros, no
- * frames, no output. */
+/* Properties of the system in use. A system that this image does not have has a record of two zeros, no
+ * frames and no output. */
 const control_system_t *control_system(const plumb_params_t *p);
 
 /* State at the start of a run: the record is zero but for the start values of filters and controllers. */

@@ -16,7 +16,7 @@ SELDOM_CALLED void plumb_phone_init(plumb_phone_t *c, const plumb_params_t *p) {
     plumb_kalman_init(&c->words.roll, &p->roll.start);
 }
 
-/* The filter of roll has the period and the limits of the other, and its own noise. */
+/* The filter of roll has the period and the limits of the filter of pitch, and its own noise. */
 static inline plumb_kalman_params_t roll_filter(const plumb_params_t *p) {
     plumb_kalman_params_t filter = p->kalman;
     filter.qa_hi = p->roll.qa_hi;
@@ -58,8 +58,8 @@ static inline void euler_rates(plumb_phone_words_t *w, int32_t x, int32_t y, int
     w->roll_rate_turnps_q28 = sat_shl_hi(add64_wrap(mul_i64(tangent_q26, across), mul_i64(x, 1 << 26)), 6);
 }
 
-/* One axis. A measurement that is lost is replaced by what the filter expects, of variance
- * r_max: it corrects nothing, and the covariance goes on. */
+/* One axis. A lost measurement is replaced by the value that the filter expects, with variance r_max: it
+ * corrects nothing, and the covariance is still propagated. */
 KERNEL axis_estimate_t estimate(plumb_kalman_t *k, const plumb_kalman_params_t *p,
                                 axis_measurement_t measured, bool lost, int32_t rate) {
     if (lost)
@@ -67,7 +67,7 @@ KERNEL axis_estimate_t estimate(plumb_kalman_t *k, const plumb_kalman_params_t *
     return axis_filter(k, p, measured, rate, rate);
 }
 
-/* Called, not inlined: both angles take it. */
+/* Not inlined, because both angles call it. */
 __attribute__((noinline)) static int32_t direction(int32_t y, int32_t x) {
     return angle_atan2(y, x);
 }

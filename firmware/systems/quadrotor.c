@@ -10,7 +10,7 @@ enum { ROLL = 6, PITCH, YAW, SWITCHES, RECEIVER };
 
 #define INPUTS (sizeof((plumb_quadrotor_words_t *)0)->raw / sizeof(int32_t))
 
-/* The words of attitude that the vehicle flies by. */
+/* Copies the words of attitude that the control of the vehicle uses. */
 KERNEL void take_attitude(plumb_quadrotor_words_t *w, const plumb_attitude_words_t *a) {
     for (unsigned i = 0; i < 3U; i++) {
         w->rate_turnps_q28[i] = a->rate_turnps_q28[i];
@@ -27,7 +27,7 @@ SELDOM_CALLED void plumb_quadrotor_init(plumb_quadrotor_t *c, const plumb_params
     c->words.phase = PLUMB_QUADROTOR_STOPPED; /* until the rotors are seen switched off */
 }
 
-/* The flags of attitude that are this system's, too. */
+/* The flags of attitude that this system has, too. */
 KERNEL uint32_t taken_flags(uint32_t of_attitude) {
     return ((of_attitude & PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED) != 0U ? PLUMB_QUADROTOR_FLAG_GYRO_CLIPPED : 0U) |
            ((of_attitude & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U ? PLUMB_QUADROTOR_FLAG_ACCEL_CLIPPED
@@ -47,7 +47,7 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
 
     plumb_attitude_step(&c->attitude, p, raw, asr32(w->thrust_q24, 9));
     take_attitude(w, &c->attitude.words);
-    const bool airborne = c->attitude.airborne; /* which a restart of the filter keeps: its flag does not */
+    const bool airborne = c->attitude.airborne; /* kept when the filter restarts, unlike its flag */
     uint32_t flags = taken_flags(c->attitude.words.flags) | (airborne ? PLUMB_QUADROTOR_FLAG_AIRBORNE : 0U);
     const bool unsure = (flags & PLUMB_QUADROTOR_FLAG_UNSURE) != 0U;
 
@@ -94,7 +94,7 @@ static bool is_one_to(uint32_t steps, uint32_t most) {
     return steps != 0U && steps <= most;
 }
 
-/* The ranges of the table: what a stick asks for, what the mixer shares, and the steps that are counted. */
+/* Checks the ranges of the parameters: demands of the sticks, shares of the mixer, and numbers of steps. */
 static bool in_range(const plumb_quadrotor_params_t *q) {
     return is_up_to(q->tilt_max_q30, 644245094U) && q->tilt_gain_q28 >= 0 &&
            is_up_to(q->tilt_rate_max_q28, 1342177280U) && is_up_to(q->stick_rate_q28, 1342177280U) &&

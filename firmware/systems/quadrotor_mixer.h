@@ -1,4 +1,5 @@
-/* The rates that sticks and vertical ask for, and the mixer of an X frame. Included by quadrotor.c alone. */
+/* The rates that the sticks and the error of the vertical demand, and the mixer of an X frame. Included by
+ * quadrotor.c alone. */
 #ifndef PLUMB_SYSTEMS_QUADROTOR_MIXER_H
 #define PLUMB_SYSTEMS_QUADROTOR_MIXER_H
 
@@ -10,13 +11,13 @@
 #define UPTURNED_Q28  (1 << 22) /* 1 + cosine of the error: within 10 deg of upside down */
 #define ERROR_MAX_Q28 (1 << 29)
 
-/* A stick, Q15, times what a full one asks for. */
+/* Demand of a stick: its position, Q15, times the demand at full deflection. */
 KERNEL int32_t by_stick(int32_t stick_q15, int32_t full) {
     return 2 * mulhi_i32(stick_q15 * 65536, full);
 }
 
-/* Error of the vertical about each axis: wanted x estimated, beyond a right angle the tangent of half the
- * angle. */
+/* Error of the vertical about each axis: the cross product of wanted and estimated; beyond a right angle, the
+ * tangent of half the angle. */
 KERNEL void lean_error(int32_t error_q28[3], const int32_t up[3], int32_t wx, int32_t wy) {
     const int32_t s = 4 * (mulhi_i32(wx, wx) + mulhi_i32(wy, wy));
     const int32_t s2 = mulhi_i32(s, s), s3 = mulhi_i32(4 * s2, s);
@@ -39,7 +40,7 @@ KERNEL void lean_error(int32_t error_q28[3], const int32_t up[3], int32_t wx, in
     error_q28[2] = ez;
 }
 
-/* The rates that roll, pitch and yaw, Q15, ask for. levels: roll and pitch ask for a lean. */
+/* The rates that the sticks of roll, pitch and yaw, Q15, demand. levels: roll and pitch demand an angle. */
 KERNEL void ask(plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *q, const int32_t sticks[3],
                 bool levels) {
     const int32_t yaw = by_stick(sticks[2], q->yaw_rate_max_q28), most = asr32(q->tilt_rate_max_q28, 4);
@@ -58,8 +59,8 @@ KERNEL void ask(plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *q, c
     }
 }
 
-/* The four commands of flying rotors; the flags of what was limited. free: the thrust may rise over the
- * throttle. */
+/* Computes the four commands of flying rotors; returns the flags of the commands that were limited. free: the
+ * thrust may rise above the throttle. */
 KERNEL uint32_t mix(plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *q,
                     const plumb_esc_params_t *esc, bool free) {
     const int32_t idle = q->idle_q24, thrust = w->throttle_q15 * 512;
@@ -99,7 +100,7 @@ KERNEL uint32_t mix(plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *
     return flags;
 }
 
-/* Rotors that stand still. */
+/* Sets the commands of stopped rotors. */
 KERNEL void rest(plumb_quadrotor_words_t *w, const plumb_esc_params_t *esc) {
     for (unsigned i = 0; i < 4U; i++) {
         w->rotor_q24[i] = 0;

@@ -1,6 +1,5 @@
-/* Who flies a quadrotor: the receiver's frames, what lasts, and the phase that follows. Included by
- * quadrotor.c alone.
- */
+/* The phase of a quadrotor, from the receiver's frames and from conditions that last. Included by quadrotor.c
+ * alone. */
 #ifndef PLUMB_SYSTEMS_QUADROTOR_PHASE_H
 #define PLUMB_SYSTEMS_QUADROTOR_PHASE_H
 
@@ -28,7 +27,7 @@ KERNEL bool listen(plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *q
     return lost;
 }
 
-/* On its back and at rest: a crash. */
+/* True when the vehicle lies on its back at rest: after a crash. */
 KERNEL bool lies(const plumb_quadrotor_words_t *w, const int32_t accel_g_q25[3]) {
     const int32_t ax = accel_g_q25[0], ay = accel_g_q25[1], az = accel_g_q25[2];
     const int32_t length = mulhi_i32(ax, ax) + mulhi_i32(ay, ay) + mulhi_i32(az, az);
@@ -39,7 +38,7 @@ KERNEL bool lies(const plumb_quadrotor_words_t *w, const int32_t accel_g_q25[3])
            turning < QUIET_TURNS2_Q24;
 }
 
-/* Why the rotors have to stop, whoever flies; 0: they need not. */
+/* Reason why the rotors must stop in any phase; 0: none. */
 KERNEL uint32_t reason_to_stop(const plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *q,
                                bool unsure_on_ground) {
     return w->blind_steps >= q->blind_steps   ? PLUMB_QUADROTOR_STOPPED_BLIND
@@ -49,7 +48,7 @@ KERNEL uint32_t reason_to_stop(const plumb_quadrotor_words_t *w, const plumb_qua
                                               : 0U;
 }
 
-/* The next phase; STOPPED without a reason of reason_to_stop: the receiver is lost. */
+/* The next phase. STOPPED although reason_to_stop() is 0 means that the receiver is lost. */
 KERNEL uint32_t next_phase(const plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *q, bool lost,
                            bool airborne) {
     switch (w->phase) {

@@ -52,7 +52,7 @@ SELDOM_CALLED bool plumb_turntable_params_valid(const plumb_params_t *p) {
 /* Convert counts to rate and angular acceleration, and determine when the gyro's sample was taken. */
 static void prefilter_sensors(plumb_turntable_words_t *w, const plumb_params_t *p, turntable_step_t *s) {
     const uint32_t stale = p->fusion.gyro_period_step_q24 >> 22;
-    const bool away = w->gyro.gap_steps > stale; /* so its next sample is the first of a new beginning */
+    const bool away = w->gyro.gap_steps > stale; /* so its next sample starts it anew */
     const uint32_t gyro =
         plumb_prefilter_step(&w->gyro, &p->gyro_filter, &p->gyro, w->raw, stale, w->rate_turnps_q28);
     const uint32_t angular = plumb_prefilter_step(&w->angular, &p->angular_filter, &p->angular, w->raw + 3,
@@ -61,7 +61,7 @@ static void prefilter_sensors(plumb_turntable_words_t *w, const plumb_params_t *
     uint32_t age = w->gyro_age_step_q24 + STEP_Q24;
     if (age >= period)
         age -= period;
-    /* a sample came in the first step after it: so clocks may drift, and begin anywhere */
+    /* the sample came in the first step after its instant: clocks may drift and start at any phase */
     if ((gyro & PLUMB_PREFILTER_SAMPLE) != 0U && age >= STEP_Q24)
         age = age < period / 2U ? STEP_Q24 - 1U : 0U;
     w->gyro_age_step_q24 = age;
@@ -301,7 +301,7 @@ static void propagate_attitude(plumb_turntable_words_t *w, const plumb_fusion_pa
             compare_attitudes(w, f);
         return;
     }
-    /* a gyro that is just back begins anew, with its own sample and with the other one's attitude */
+    /* a gyro that has just returned starts anew, with its own sample and the attitude of the other sensor */
     const bool back = f->layer == PLUMB_FUSION_ATTITUDE && !s->rest && s->gyro;
     for (unsigned i = 0; i < 3U; i++)
         w->rate_corrected_turnps_q28[i] = back ? sampled(w, s, i) : w->rate_fused_turnps_q28[i];

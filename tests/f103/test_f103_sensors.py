@@ -133,7 +133,7 @@ def test_spi_reads_what_i2c_does(master: Master) -> None:
 def test_spi_in_another_mode_says_nothing_of_use(master: Master) -> None:
     master.machine.spi1.cr1 &= ~3
     assert master.ask(SPI, 0, 0x00, 1) == b"\xff"
-    assert master.machine.warnings == ["SPI1 has CPOL, CPHA = 0, 0; the chips here want 1, 1"]
+    assert master.machine.warnings == ["SPI1 has CPOL, CPHA = 0, 0; the chips need 1, 1"]
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 /* A plant in C, so that a campaign closes its loops without leaving C: host/plumb/systems/NAME/plant.c.
  *
- * It does what the plant of the system in Python does, operation by operation, in IEEE double and with the
- * functions of the same C library: both give the same counts in every bit. Everything drawn at random comes
- * from Python, so that a seed means the same run. plant.c is compiled without contraction and without the
+ * It repeats the Python plant of the system operation by operation, in IEEE double and with the functions of
+ * the same C library, so that both give the same counts to the bit. All random numbers come from Python, so
+ * that a seed means the same run. plant.c is compiled without contraction and without the
  * compiler's own functions. */
 #ifndef PLUMB_PORTS_BATCH_PLANT_H
 #define PLUMB_PORTS_BATCH_PLANT_H

@@ -1,5 +1,4 @@
-/* The board as the application sees it: board.h, but for what actuators.c, guard.c, links.c and sensors.c
- * have. */
+/* The functions of board.h that are not in actuators.c, guard.c, links.c or sensors.c. */
 #include "port.h"
 
 void board_init(const board_setup_t *setup) {

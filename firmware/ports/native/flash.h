@@ -38,11 +38,11 @@ extern void (*flash_half_done)(void);
  * power failure. */
 extern uint8_t flash_seed;
 
-/* A fingerprint of the cells, and the one that operations keep up to date: whoever changes cells otherwise
- * sets it. */
+/* A fingerprint of the cells, and its value after the last operation. Code that changes cells directly must
+ * update that value. */
 uint64_t flash_mark(void);
 extern uint64_t flash_marked;
 
-void flash_blank(void); /* all ones, nothing worn, 1 KiB pages, nobody looks */
+void flash_blank(void); /* all ones, nothing worn, 1 KiB pages, no callback */
 
 #endif

@@ -4,7 +4,7 @@
 #include "port.h"
 #include <string.h>
 
-#define LINE_BYTES    65536u /* under way, or not yet fetched by the host */
+#define LINE_BYTES    65536u /* on the line, or not yet fetched by the host */
 #define RX_BYTES      1024u
 #define TX_BYTES      256u
 #define ERRORS_MAX    255u

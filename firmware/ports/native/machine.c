@@ -25,8 +25,8 @@ static bool loop_lives(void) {
     return native.state == NATIVE_RUNNING && native.hangs == 0u;
 }
 
-/* Called in every operation of the flash, once for each way of leaving it half done: power fails here when it
- * is asked for. */
+/* Called in every operation of the flash, once for each way of leaving it half done; fails the power when
+ * fault injection asks for it. */
 static void flash_at_work(void) {
     static uint32_t way;
     if (native.flash_cut == 1u && way == native.flash_cut_way) {
@@ -127,7 +127,7 @@ static void turn(void) {
     while (native.state == NATIVE_RUNNING && port.now_us < end_us) {
         const bool wake = port.wake;
         port.wake = false;
-        pass_until(end_us); /* what happens in between wakes the loop when it sleeps */
+        pass_until(end_us); /* an event in between wakes the loop when it sleeps */
         port.wake = port.wake || wake;
     }
     links_advance();

@@ -1,4 +1,4 @@
-/* What the files of the port share: the wires, the time, and the state of the board as a whole. */
+/* State that the files of the port share: the wires, the time, and the board as a whole. */
 #include "port.h"
 
 native_wires_t native;

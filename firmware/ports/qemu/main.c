@@ -16,7 +16,7 @@
 
 #define MAGIC_IN    0x49424C50u /* "PLBI" */
 #define MAGIC_OUT   0x4F424C50u /* "PLBO" */
-#define BATCH_STEPS 8u          /* what the smallest machine has room for */
+#define BATCH_STEPS 8u          /* as many as the smallest machine has room for */
 
 typedef enum {
     RUN_GOOD = 0,
@@ -42,7 +42,7 @@ static plumb_params_t params;
 static sample_t samples[BATCH_STEPS];
 static uint8_t answers[BATCH_STEPS * (sizeof(control_words_t) + sizeof(uint32_t))];
 
-/* Steps with the parameters in use. */
+/* Runs steps with the parameters in use. */
 static run_result_t run_steps(int32_t input, int32_t output, uint32_t steps) {
     const uint32_t bytes = (uint32_t)control_words_bytes(&params);
     for (uint32_t left = steps; left > 0;) {

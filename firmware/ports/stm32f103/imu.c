@@ -102,7 +102,7 @@ static void lose(uint8_t cause) {
     phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
 }
 
-/* Whether the byte that was read is what the step of the set-up wants. */
+/* True when the byte that was read is the one that the step of the set-up expects. */
 static bool as_wanted(const chip_t *chip, const chip_step_t *step) {
     switch (step->action) {
     case CHIP_CHECK:

@@ -3,8 +3,8 @@
  * of both. Timed reads take the newest sample, at most 1 ms old; one read of 14 registers is one sample
  * (chapter 4.17).
  *
- * Modules that are sold under this name carry other chips with the same registers, too. They are told apart
- * by WHO_AM_I alone, and accepted: all of them have these ranges, these filters for the gyro, and these data.
+ * Modules that are sold under this name carry other chips with the same registers, too. They differ in
+ * WHO_AM_I alone, and are accepted: all of them have these ranges, gyro filters and data registers.
  * On an MPU-6500 and its kin the accelerometer's low-pass has a register of its own (ACCEL_CONFIG 2), which
  * keeps its value after reset, the widest. */
 #include "imu.h"

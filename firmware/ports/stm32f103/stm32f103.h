@@ -96,7 +96,7 @@
 #define BKP_BASE   0x40006c04u
 #define BKP_DR1    REG32(BKP_BASE, 0x00u)
 
-/* General-purpose I/O, RM0008 section 9.2. A pin's four bits in CRL (pins 0 to 7) or CRH (8 to 15): */
+/* General-purpose I/O, RM0008 section 9.2. PIN_*: a pin's four bits in CRL (pins 0 to 7) or CRH (8 to 15) */
 #define GPIOA_BASE          0x40010800u
 #define GPIOA_CRL           REG32(GPIOA_BASE, 0x00u)
 #define GPIOA_CRH           REG32(GPIOA_BASE, 0x04u)

@@ -1,4 +1,4 @@
-"""What a board offers: the contract of everything that runs the control step, and what it is given and gives."""
+"""The interface of a board, which is anything that runs the control step, with its inputs and outputs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ class Answer:
 
     digests: CRC-32 of each step's words, shape (steps,). words: the words of all steps from boards that give them
     (fixed, native, qemu), else None: over a link only digests are sent, and `words_of_step` gets the words of one step.
-    unverified_from: first step whose digest or raw counts were lost on the link, else None; why: another reason.
+    unverified_from: first step whose digest or raw counts were lost on the link, else None; why: the reason, when it is
+    another one than a loss on the link.
     """
 
     digests: npt.NDArray[np.uint32]
@@ -85,7 +86,7 @@ class Board(Protocol):
 
 @runtime_checkable
 class GivesWordsOfSteps(Protocol):
-    """A board whose `run_injected` gives digests alone, and which gives the words of some steps when asked."""
+    """A board whose `run_injected` returns only digests, and which returns the words of some steps on request."""
 
     def words_of_steps(
         self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, first: int, end: int
@@ -104,8 +105,8 @@ class ChangesParameters(Protocol):
 
 @runtime_checkable
 class KeepsTime(Protocol):
-    """A board whose steps in real time the host can keep up with, so that other parameters meet the step that they are
-    meant for."""
+    """A board whose real-time run the host can keep up with, so that changed parameters take effect at the intended
+    step."""
 
     def run_paced(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
         """As `run_changed`, in real time: unverified from the first step whose inputs the board does not confirm."""
@@ -118,7 +119,7 @@ class PartRunner(Protocol):
         """Run the next steps; their digests."""
 
     def change(self, params: ControlParams) -> None:
-        """Use other parameters from the next step on. Only of a board that `ChangesParameters`."""
+        """Use other parameters from the next step on. Only boards that are `ChangesParameters` support it."""
 
     def end(self) -> None:
         """End the run."""
@@ -134,7 +135,7 @@ class RunsInParts(Protocol):
 
 @runtime_checkable
 class SimulatedBoard(Board, Protocol):
-    """A board whose chip is simulated in this process: its pins can be reached, and its reset pin pulled."""
+    """A board whose chip is simulated in this process: its pins are accessible, its reset pin included."""
 
     @property
     def machine(self) -> Machine:
@@ -147,4 +148,4 @@ class SimulatedBoard(Board, Protocol):
         """Pull the reset pin and connect again; the board then uses its saved parameters."""
 
     def reconnect(self) -> Session:
-        """Connect anew, as after a reset that came from elsewhere."""
+        """Connect anew, after a reset by other means."""

@@ -1,7 +1,8 @@
-"""Tell the hand that holds a simulated body what to do, from outside: lines of a file, of a named pipe or of stdin.
+"""Orders for the hand that holds a simulated body, as lines of a file, a named pipe or stdin.
 
-A line is a pose: its name, its number or a beginning that only one has; then, if wanted, the share of the way and the
-time it takes: `left side up`, `3`, `left 50% 2s`. A file is read as it grows; what stood in it before does not count.
+A line names a pose by its name, its number or an unambiguous beginning; then, optionally, the share of the way and the
+time that the turn takes: `left side up`, `3`, `left 50% 2s`. A file is read as it grows; lines that it already had at
+the start are ignored.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from plumb.physics.hand import TURN_S, Hand
 
 STDIN = "-"
 EVERY_S = 0.02
-"""Interval at which a file is looked at."""
+"""Interval at which a file is read."""
 MOST_BYTES = 1 << 16
 COMPARED_BYTES = 256
 LONGEST_S, MOST_SHARE = 60.0, 4.0
-"""Limits of an order: a turn of a minute, and four times the way."""
+"""Limits of an order: a turn that takes a minute, and four times the way to the pose."""
 SHOWN = 60
-"""Characters of a line that an answer repeats."""
+"""Characters of a line that a message quotes."""
 _SHARE = re.compile(r"([+-]?\d{1,4}(?:\.\d{1,3})?)%")
 _SECONDS = re.compile(r"(\d{1,4}(?:\.\d{1,3})?) ?s")
 
@@ -73,13 +74,13 @@ def _pose(text: str, poses: Sequence[str]) -> str:
 
 
 class Lines(Protocol):
-    """New text since the last call, b"" where there is none."""
+    """A source of text. read(): the bytes that came since the last call, b"" for none."""
 
     def read(self) -> bytes: ...
 
 
 class GrowingFile:
-    """What is added to a file, or written anew. One that is not there is made."""
+    """Text that is appended to a file; a file that was rewritten is read from its start. A missing file is created."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -90,7 +91,8 @@ class GrowingFile:
             file.seek(max(self._end - COMPARED_BYTES, 0))
             self._tail = file.read(COMPARED_BYTES)
         self._end = max(self._end - COMPARED_BYTES, 0) + len(self._tail)
-        """The end of what was read, and the bytes before it: they differ in a file that was written anew."""
+        """Position up to which the file was read; `_tail` holds the bytes before it, which differ in a rewritten
+        file."""
 
     def read(self) -> bytes:
         try:
@@ -103,7 +105,7 @@ class GrowingFile:
                 file.seek(self._end if grown else 0)
                 text = file.read(MOST_BYTES)
                 self._end = file.tell()
-        except OSError:  # between two versions of an editor, or not to be read for now
+        except OSError:  # an editor is replacing the file, or it cannot be read for now
             return b""
         self._stamp = stamp
         self._tail = ((self._tail if grown else b"") + text)[-COMPARED_BYTES:]
@@ -111,7 +113,7 @@ class GrowingFile:
 
 
 class NamedPipe:
-    """What is written to a named pipe, by whoever opens it."""
+    """Text that programs write to a named pipe."""
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
@@ -119,12 +121,13 @@ class NamedPipe:
     def read(self) -> bytes:
         try:
             return os.read(self._descriptor, MOST_BYTES)
-        except BlockingIOError:  # a writer has it open and says nothing
+        except BlockingIOError:  # a writer has opened the pipe and not written yet
             return b""
 
 
 class StandardInput:
-    """What is typed. A thread reads the descriptor: nothing else waits for a terminal on every platform."""
+    """Text that is typed. A thread reads the descriptor, because only a blocking read waits for a terminal on every
+    platform."""
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[bytes] = SimpleQueue()
@@ -164,14 +167,15 @@ def lines_of(name: str) -> Lines:
 
 
 class HandOrders:
-    """Carries the orders of a source out. say: called with what the hand does, or why it does not."""
+    """Carries out the orders of a source. say: called with the hand's action, or with the reason for refusing an
+    order."""
 
     def __init__(self, hand: Hand, lines: Lines, say: Callable[[str], None]) -> None:
         self._hand, self._lines, self._say = hand, lines, say
         self._rest, self._next_s = b"", 0.0
 
     def look(self) -> None:
-        """Carry out what has come; to be called often."""
+        """Carry out the orders that have arrived; call it often."""
         if (now_s := time.monotonic()) < self._next_s:
             return
         self._next_s = now_s + EVERY_S

@@ -54,12 +54,12 @@ class InProcessParts:
         self._controller.retune(params)
 
     def end(self) -> None:
-        """Nothing is to be ended."""
+        """Does nothing: the run holds no resources."""
 
 
 class InProcessBoard(Board, ABC):
-    """What a board of this kind adds is how it runs: a step at a time, many steps, steps whose parameters change, and
-    what stands beside steps."""
+    """A subclass says how to run a single step, a whole run, a run whose parameters change, and a task other than
+    steps."""
 
     task_kinds = KINDS
 
@@ -73,11 +73,11 @@ class InProcessBoard(Board, ABC):
 
     @abstractmethod
     def words_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Words:
-        """The same of a run whose gains change."""
+        """The signals of every step of a run whose gains change."""
 
     @abstractmethod
     def task_words(self, task: Task) -> Words:
-        """The signals of a task that is no run of steps."""
+        """The signals of a task that is not a run of steps."""
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = self.words(params, raw, setpoint)

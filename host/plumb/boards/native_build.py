@@ -8,8 +8,8 @@ from plumb.checkout import CHECKOUT, IN_CHECKOUT
 
 BUILD = "cmake --preset native && cmake --build --preset native"
 SOURCES = ("core/*.c", "systems/*.c", "ports/batch/*.c")
-"""Below firmware/: what the library is compiled from. Not every header is part of it: one that was changed may be newer
-than a library that is right."""
+"""Below firmware/: the sources of the library. Headers are left out: some do not belong to the library, and a change of
+such a header does not make the library stale."""
 
 
 def newer_source(library: Path) -> Path | None:

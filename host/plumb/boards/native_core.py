@@ -276,8 +276,8 @@ class Controllers:
 
 
 def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
-    """Words of every step of one or more runs. raw: (steps, inputs[, runs]), as `check_inputs` takes them; setpoint:
-    (steps[, runs]); params: one set, or one per run."""
+    """The words of every step of one or more runs. raw: (steps, inputs[, runs]), as `check_inputs` takes them;
+    setpoint: (steps[, runs]); params: one set, or one per run."""
     name = system_name(params)
     counts, setpoints = check_inputs(name, raw, setpoint)
     (steps, inputs), runs = counts.shape[:2], counts.shape[2] if counts.ndim == 3 else 1
@@ -313,7 +313,7 @@ def run_changed(params: ControlParams, changes: Changes, raw: npt.ArrayLike, set
 
 
 def run_task(task: Task) -> Words:
-    """What stands beside plain steps, by this library."""
+    """Run a task other than plain steps with this library."""
     if task.kind == "refusal":
         return Words(np.array([(int(params_valid(table)),) for table in task.tables], VALIDITY))
     words = run_changed(task.params, task.changes, task.raw, task.setpoint)
@@ -322,7 +322,8 @@ def run_task(task: Task) -> Words:
 
 def plausibility(params: ControlParams, words: Words) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint16]]:
     """Run core/plausibility.c over the records of one run: after each step the bits of the failing checks, and of the
-    missing conditions for arming, shape (steps,) each. Raises UsageError for a system without plausibility bounds."""
+    missing conditions for arming, each of shape (steps,). Raises UsageError for a system without plausibility
+    bounds."""
     found = _plausibility(params, words, params.variance_turn2_q56)
     return found["failed"].astype(np.uint16), found["missing"].astype(np.uint16)
 

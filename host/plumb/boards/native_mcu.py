@@ -97,7 +97,7 @@ def library_path() -> Path:
 
 
 def _load(path: Path) -> ctypes.CDLL:
-    """Load a copy of the library: each board needs one of its own, because the state is in static memory. It stays
+    """Load a copy of the library: each board needs its own, because the state is in static memory. The copy stays
     loaded."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:  # Windows keeps a library that is loaded
         copy = Path(folder) / path.name
@@ -166,7 +166,7 @@ class NativeMcu:
     # ---- links ----
 
     def uart_send(self, data: bytes) -> int:
-        """Bytes to the board; returns how many the line took."""
+        """Send bytes to the board; returns how many the line accepted."""
         return int(self._library.native_uart_send(data, ctypes.c_size_t(len(data))))
 
     def uart_receive(self) -> bytes:
@@ -177,7 +177,7 @@ class NativeMcu:
         return data
 
     def can_send(self, identifier: int, data: bytes) -> bool:
-        """A frame to the board; False when the bus has no room."""
+        """Send a frame to the board; False when the bus has no room."""
         frame = _CanFrame(identifier, len(data), (ctypes.c_uint8 * 8)(*data))
         return bool(self._library.native_can_send(ctypes.byref(frame)))
 
@@ -209,11 +209,11 @@ class NativeMcu:
 
     @property
     def guarded_bytes(self) -> int:
-        """Size of the memory that decides a pulse."""
+        """Size of the guarded memory, which decides the outputs."""
         return int(self._library.native_guarded_bytes())
 
     def flip(self, at: int, bit: int) -> None:
-        """Flip a bit of that memory."""
+        """Flip a bit of the guarded memory."""
         self._library.native_flip(ctypes.c_size_t(at), ctypes.c_uint32(bit))
 
 
@@ -233,7 +233,7 @@ class NativeUart:
         return float(self._mcu.now_us) * 1e-6
 
     def pass_us(self, time_us: int) -> None:
-        """Let time pass, in which waiting bytes go both ways."""
+        """Advance the time; waiting bytes move in both directions."""
         if self._down:
             self._down = self._down[self._mcu.uart_send(self._down) :]
         self._mcu.run_us(time_us)
@@ -248,7 +248,7 @@ class NativeUart:
         return len(self._up)
 
     def write(self, data: bytes) -> int:
-        """Bytes on their way to the board; takes no time."""
+        """Queue bytes on the line to the board; takes no time."""
         self._down += bytes(data)
         self._down = self._down[self._mcu.uart_send(self._down) :]
         return len(data)
@@ -266,10 +266,10 @@ class NativeUart:
         self._mcu.uart_receive()
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Does nothing: writes are not buffered."""
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Does nothing: there is nothing to release."""
 
 
 class NativeCanBus(can.BusABC):
@@ -294,7 +294,7 @@ class NativeCanBus(can.BusABC):
             self._frames.extend(self.mcu.can_receive())
 
     def read_frames(self, timeout_s: float = 0.0) -> list[Frame]:
-        """What has arrived with a right CRC, letting up to timeout_s pass for the first frame."""
+        """Frames of the protocol with a right CRC; advances up to timeout_s for the first frame."""
         self._wait(timeout_s)
         frames = [(identifier, data) for identifier, data in self._frames if identifier in self._known]
         self._frames.clear()

@@ -49,7 +49,8 @@ class _Run(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Answer:
-    """Of a closed loop: raw (steps, inputs), the words of every step, the true state by name, (steps,) each."""
+    """Result of a closed loop: raw counts (steps, inputs), the words of every step, and the true state by name, each of
+    shape (steps,)."""
 
     raw: RawCounts
     words: Words
@@ -64,7 +65,7 @@ def available(system: str) -> bool:
 
 
 _is_file = cache(Path.is_file)
-"""Asked for every run of a campaign; no part of a system comes or goes meanwhile."""
+"""Cached, because a campaign asks for every run; the files of a system do not change meanwhile."""
 
 
 def closed_loop(scenario: Scenario, params: ControlParams, *, open_loop: bool = False) -> Answer:

@@ -14,7 +14,7 @@ from plumb.systems.contracts import Plant
 
 
 class FollowingUart(NativeUart):
-    """The UART of a board whose plant follows while time passes."""
+    """The UART of a board whose plant advances together with simulated time."""
 
     def __init__(self, served: ServedNative) -> None:
         super().__init__(served.mcu)
@@ -27,8 +27,8 @@ class FollowingUart(NativeUart):
 
 
 class NativePort(LinkBoard):
-    """A board that comes up as a system, with the tuning for its own sensors and a plant on its wires; without one its
-    wires stay as they are."""
+    """A board that starts as a system, with the tuning for its own sensors and a plant on its wires. Without a plant
+    the wires keep their values."""
 
     def __init__(self, system: str, plant: Plant | None) -> None:
         self.served = open_native(systems.load(system).LINK.get("pins", 0), b"", system, plant)

@@ -23,11 +23,11 @@ from plumb.systems.contracts import PINS, Plant
 from plumb.tuning.quantise import quantise
 
 FOLLOW_US = 1000
-"""Interval at which the plant gets the outputs, and the sensors get the plant's counts."""
+"""Interval at which the plant receives the outputs, and the sensors the plant's counts."""
 START_US = 50_000
 """Time from power-up until the host connects."""
 UART_BYTE_NS = 10_851
-"""At 921600 baud."""
+"""Time of a byte at 921600 baud."""
 BITS_PER_FRAME = 130
 """Length of a CAN frame of 8 bytes, some stuff bits included."""
 SEND_PATIENCE_S = 0.02
@@ -88,7 +88,8 @@ class ServedNative:
             self.mcu.power_on()
 
     def let_follow(self) -> int:
-        """Let the plant and the board exchange outputs and counts where that is due; us until the next time."""
+        """Let the plant and the board exchange outputs and counts if that is due; returns the us until the next
+        exchange."""
         if self.plant is None:
             return FOLLOW_US
         if self.mcu.now_us >= self._follow_us:

@@ -1,4 +1,4 @@
-"""A plant on the pins of the virtual board: it drives the pins of the sensors and follows those of the actuators.
+"""A plant on the pins of the virtual board: it drives the sensor pins and reads the actuator pins.
 
 The module `pins` of a system says how its plant is attached to a machine (plumb.systems.contracts.Pins).
 """
@@ -65,10 +65,10 @@ def show(board: SimulatedBoard, name: str, scenario: str | None, seed: int, *, o
 
 
 class PlantOfRuns:
-    """A plant that stands anew at the beginning of every run; the board keeps its parameters from the second on."""
+    """A plant that restarts with every run; only the first run configures the board."""
 
     def __init__(self, system: str, scenario: str | None, seed: int, *, open_loop: bool) -> None:
-        plant_of(system, scenario, seed, open_loop=open_loop)  # raises UsageError for a name that there is not
+        plant_of(system, scenario, seed, open_loop=open_loop)  # raises UsageError for an unknown name
         self._system, self._scenario, self._seed, self._open_loop = system, scenario, seed, open_loop
         self._configured = False
 
@@ -85,8 +85,8 @@ class PlantOfRuns:
 
 
 def plant_of(name: str, scenario: str | None, seed: int, *, open_loop: bool) -> tuple[Scenario, Plant]:
-    """The scenario and the plant for the pins of a board; scenario None: what the system shows in open loop, else what
-    its outputs control. Raises UsageError for a system that has no pins, or not that scenario."""
+    """The scenario and the plant for the pins of a board; scenario None: the system's default
+    for open or closed loop. Raises UsageError for a system that has no pins, or not that scenario."""
     system, live = systems.load(name), systems.load(name, PINS)
     period_us = system.TUNINGS[live.TUNING].period_us
     chosen = system.scenario(scenario or (live.SHOWN if open_loop else live.SCENARIO), seed, period_us=period_us)

@@ -1,4 +1,4 @@
-"""What can be known of boards before any is opened: their names, and the programs and files that they need."""
+"""Checks of boards before any is opened: their names, and the programs and files that they need."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from plumb.link.endpoint_names import LocalBoard, ProgramName, parse_board
 def require_boards(names: Sequence[str], image: Path | None = None) -> None:
     """Refuse boards that cannot be opened, so that a long check does not find out at its end.
 
-    A port or a bus is not tried: whether a board answers there, opening it tells.
+    A port or a bus is not tried: only opening it shows whether a board answers.
 
     Args:
         names: Boards as the command line names them.
         image: Flash image of board `virtual`.
 
     Raises:
-        UsageError: A name that is none, an image that is missing, damaged, or of no board that was named, or a program
-            that cannot be run.
+        UsageError: A name is unknown, the image is missing, damaged, or for no board that was named, or a
+            program cannot be run.
     """
     boards = [parse_board(name) for name in names]
     virtual = any(isinstance(board, LocalBoard) and board.kind == "virtual" for board in boards)
@@ -33,7 +33,7 @@ def require_boards(names: Sequence[str], image: Path | None = None) -> None:
         elif isinstance(board, LocalBoard) and board.kind == "qemu":
             from plumb.boards.qemu import QemuBoard
 
-            QemuBoard(board.core)  # finds its program and its image, and starts nothing
+            QemuBoard(board.core)  # looks for program and image; starts nothing
     if virtual:
         from plumb.boards.virtual_machine import require_simulator
         from plumb.flash.image import find_image, load_own_image

@@ -1,4 +1,4 @@
-"""A program of the user's as a board: a port or another build of the C core, which reads a vector and prints digests.
+"""The user's program as a board: a port or another build of the C core, which reads a vector and prints digests.
 
 The program is started once for each vector. It reads the vector from stdin to its end, prints one line for each step
 to stdout, and exits with code 0. All text is ASCII, numbers are decimal, fields are separated by one space. Input:
@@ -64,7 +64,7 @@ START_UP_S = 30.0
 """Time limit of a run, plus STEP_S for every step."""
 STEP_S = 5e-3
 MOST_LINE_BYTES = 4096
-"""Of a line of output: a digest, and the words of the longest record."""
+"""Longest line of output: a digest, and the words of the longest record."""
 _DIGEST = re.compile(rb"[0-9A-Fa-f]{8}")
 _WORD = re.compile(rb"-?[0-9]{1,20}")
 
@@ -72,7 +72,7 @@ _WORD = re.compile(rb"-?[0-9]{1,20}")
 def vector_text(
     params: ControlParams, raw: RawCounts, setpoint: Setpoints, *, words: bool = False, name: str = "unnamed"
 ) -> str:
-    """What the program reads. words: ask for the words of every step, too."""
+    """The input of the program. words: ask for the words of every step, too."""
     head = _head(VERSION, params, name, words)
     samples = np.column_stack([raw.astype(np.int64), setpoint.astype(np.int64)]).tolist()
     steps = [" ".join(map(str, sample)) for sample in samples]
@@ -80,7 +80,7 @@ def vector_text(
 
 
 def task_text(task: Task, *, words: bool = False, name: str = "unnamed") -> str:
-    """What the program reads for a vector that is more than steps of one set of parameters."""
+    """The input of the program for a vector that is more than steps of one set of parameters."""
     head = [*_head(TASK_VERSION, task.params, name, words), f"kind {task.kind}"]
     if task.kind == "plausibility":
         head.append(f"variance_turn2_q56 {task.unit_turn2_q56}")
@@ -186,7 +186,7 @@ class ProgramBoard(Board):
         return digests
 
     def _lines(self, text: str, steps: int) -> list[bytes]:
-        """What the program printed, at most one line more than there are steps."""
+        """The lines that the program printed, at most one more than there are steps."""
         limit_s = START_UP_S + STEP_S * steps
         # Files instead of pipes: a program may end before it has read all, or print before it reads.
         with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as said, tempfile.TemporaryFile() as complaint:
@@ -236,7 +236,7 @@ class ProgramBoard(Board):
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
-    """The program and the programs that it started."""
+    """Kill the program and the programs that it started."""
     if hasattr(os, "killpg"):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -245,7 +245,7 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def _last_line(complaint: IO[bytes]) -> str:
-    """Of what the program wrote to stderr: the end of it, on one line."""
+    """The last text that the program wrote to stderr, on one line."""
     complaint.seek(0, 2)
     complaint.seek(max(0, complaint.tell() - MOST_LINE_BYTES))
     lines = complaint.read().decode(errors="replace").strip().splitlines()

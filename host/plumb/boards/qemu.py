@@ -39,7 +39,7 @@ IMAGES = Path("build/stm32f103")
 MAGIC_IN = 0x49424C50
 MAGIC_OUT = 0x4F424C50
 SAMPLE_DTYPE = np.dtype([("raw", "<i2", dbc.inputs_most()), ("setpoint", "<i4")], align=True)
-"""As the image has it: room for the inputs of any declared system."""
+"""A sample as the image reads it: room for the inputs of any declared system."""
 START_UP_S = 30.0
 """Time limit of a run, plus 1 ms for every step: about a hundred times the usual time."""
 _EXIT_REASONS = {
@@ -64,7 +64,7 @@ def _find_image(core: str) -> Path:
 
 
 def lacking() -> str:
-    """What the board `qemu` lacks here, as a clause; '' when it can run."""
+    """The program or image that the board `qemu` lacks on this machine, as a clause; '' when it can run."""
     if shutil.which(PROGRAM) is None:
         return f"{PROGRAM} is not installed"
     try:

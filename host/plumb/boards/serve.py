@@ -1,6 +1,6 @@
 """A simulated board as a process of its own: its UART on a pseudo-terminal or a TCP port, its CAN bus coupled with any
-python-can bus, in real time. The UART has one client at a time; the board runs on when clients come and go. Bytes that
-the board sends while no client is connected are lost, as on a cable."""
+python-can bus, in real time. The UART has one client at a time; the board keeps running while clients come and go.
+Bytes that the board sends while no client is connected are lost, as on a cable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a board is asked beside the steps of one set of parameters: plumb.systems.tasks has the kinds."""
+"""Tasks of a board other than steps with one set of parameters; plumb.systems.tasks lists the kinds."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ class RunsTasks(Protocol):
     """A board that takes tasks."""
 
     task_kinds: Sequence[str]
-    """Those of KINDS that it can."""
+    """The members of KINDS that the board supports."""
 
     def run_task(self, task: Task) -> Answer:
-        """The digests of every step or table; with their words where the board has them."""
+        """The digest of every step or table, with its words where the board has them."""
 
     def words_of_task(self, task: Task, step: int) -> dict[str, int]:
         """Every word of one step or table by name; {} when the board gives none."""

@@ -113,7 +113,7 @@ class AdcPins(dict[str, VoltSource]):
 class Machine:
     """One simulated part with an image in its flash. Raises UsageError for a bad image or part.
 
-    seed: of the contents of uninitialised RAM and of the unique id. crystal: False for a dead crystal. flash_size:
+    seed: for the contents of uninitialised RAM and the unique id. crystal: False for a dead crystal. flash_size:
     value of the size register, 0xFFFF on some chips; None: the part's size. lse_left_on: earlier firmware left the 32
     kHz oscillator on PC14 and PC15 running.
     """
@@ -297,7 +297,7 @@ class Machine:
     # Snapshots
 
     def snapshot(self, *others: object) -> Snapshot:
-        """The present state: memories, core, peripherals, planned events, bytes on the wires, and the plants and
+        """Keep the present state: memories, core, peripherals, planned events, bytes on the wires, and the plants and
         sensors that are attached to pins and buses. Call between two calls that advance time. others: objects outside
         the machine to keep with it, such as the session that talks to the board.
 

@@ -5,10 +5,10 @@
         trace.flush()
 
 Scopes: `pins` (every pin of the small package, with PWM), `uart`, `can`, `i2c`, `spi` (the lines of each), `adc` (volts
-at the instants of conversion). A level that nothing drives is z. The time unit is 100 ns:
-finer than every bit time here, and coarse enough for programs that keep a sample for each unit of time.
+at the instants of conversion). A line that nothing drives is z. The time unit is 100 ns:
+finer than every bit time here, and coarse enough for viewers that keep a sample for each unit of time.
 
-Tracing only looks: a board that is traced does the same in every bit.
+Tracing does not change a run: a traced board behaves the same to the bit.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 TIMESCALE = "100 ns"
 TICKS_PER_UNIT = TICKS_PER_US // 10
 HOLDBACK_TICKS = 2000 * TICKS_PER_US
-"""A value is written when it is so old: models report a byte when it is complete, up to 0.1 ms after it began."""
+"""A value is written once it is this old: models report a byte when it is complete, up to 0.1 ms after it began."""
 FLUSH_TICKS = 10 * HOLDBACK_TICKS
 PINS = (*(f"PA{n}" for n in range(16)), *(f"PB{n}" for n in range(16)), "PC13", "PC14", "PC15")
 PWM_CHANNELS = {
@@ -61,7 +61,8 @@ class _Variable(Protocol):
 
 
 class VcdTrace:
-    """Writes the waveforms of a machine from now on. flush() writes what has happened; close() ends the file."""
+    """Writes the waveforms of a machine from its construction on. flush() writes the values so far; close() ends the
+    file."""
 
     def __init__(self, machine: Machine, path: Path) -> None:
         """Raises UsageError for a path that cannot be written or holds something else, and without pyvcd."""
@@ -102,15 +103,15 @@ class VcdTrace:
     # The file
 
     def flush(self) -> None:
-        """Write what has happened up to HOLDBACK_TICKS ago, if there may be much of it; call it often. Raises
-        UsageError for a disk that is full."""
+        """Write the values that are older than HOLDBACK_TICKS, if there may be many; call it often. Raises UsageError
+        when the disk is full."""
         if self.machine.now >= self._flush_at:
             self._flush_at = self.machine.now + FLUSH_TICKS
             self._settle()
             self._write(self.machine.now - HOLDBACK_TICKS)
 
     def close(self) -> None:
-        """Write what has happened up to now, and close the file; safe to call twice. Raises UsageError as flush()."""
+        """Write all values up to now, and close the file; safe to call twice. Raises UsageError as flush()."""
         if self.machine.probe is not self:
             return
         self._settle()
@@ -125,7 +126,7 @@ class VcdTrace:
             raise UsageError(f"{self.path} cannot be written: {error.strerror}") from None
 
     def _settle(self) -> None:
-        """Let the models whose state is computed when it is asked for catch up."""
+        """Bring the models up to date that compute their state only when it is read."""
         machine, now = self.machine, self.machine.now
         for timer in (machine.tim3, machine.tim4, machine.tim1):
             timer.settle(now)
@@ -153,10 +154,11 @@ class VcdTrace:
         except OSError as error:
             raise UsageError(f"{self.path} cannot be written: {error.strerror}") from None
 
-    # What the models report
+    # Reports of the models
 
     def restarted(self, now: int) -> None:
-        """Drop what was on its way out; the lines are as after a reset. Bytes on the way in still come."""
+        """Drop the bytes and frames that the part was sending, and set its lines to their levels after a reset. Bytes
+        on the way to the part still arrive."""
         incoming = "uart", "UART_RX"
         self._waiting = [entry for entry in self._waiting if entry[0] <= now or entry[2] == incoming]
         heapq.heapify(self._waiting)
@@ -172,7 +174,7 @@ class VcdTrace:
                     self._put_new(now, ("pins", f"P{letter}{number}"), _level(port.level(number)))
 
     def _put_new(self, now: int, line: Line, level: Level) -> None:
-        """As `_put`, for a line that is looked at much more often than it changes."""
+        """As `_put`, for a line that is sampled much more often than it changes."""
         if self._looked.get(line) != level:
             self._looked[line] = level
             self._put(now, line, level)

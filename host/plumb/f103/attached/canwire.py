@@ -29,7 +29,7 @@ LONGEST_QUEUE = 4096
 
 
 class WireFrame(NamedTuple):
-    """A frame. data: up to eight bytes; of a remote frame, as many bytes as it requests."""
+    """A frame. data: up to eight bytes; in a remote frame, as many bytes as it requests."""
 
     identifier: int
     data: bytes
@@ -97,7 +97,8 @@ def frame_levels(frame: WireFrame, acknowledged: bool) -> str:
 
 
 def error_levels(frame: WireFrame) -> str:
-    """The bits of a frame that is destroyed at its end: an error flag and what follows it in place of the rest."""
+    """The bits of a frame that is destroyed at its end: an error flag, its delimiter and intermission replace the
+    rest."""
     stuffed = frame_levels(frame, False)
     return stuffed + "0" * 6 + "1" * (ERROR_BITS - 6)
 
@@ -121,10 +122,11 @@ class CanController(Protocol):
 
 
 class CanWire:
-    """The bus. kbit: the host's bit rate. attached: another node is there that acknowledges the board's frames.
+    """The bus. kbit: the host's bit rate. attached: another node is on the bus and acknowledges the board's frames.
 
-    Fault injection: acknowledged False (the others only listen), fail_sending and fail_receiving (kinds of error for
-    the next attempts), babbler (a frame that a broken node sends without end), dominant (a short: no recessive bit).
+    Fault injection: acknowledged = False (the other nodes only listen), fail_sending and fail_receiving (kinds of error
+    for the next attempts), babbler (a frame that a broken node sends without end), dominant (a short: no recessive
+    bit).
     """
 
     def __init__(self, machine: Mcu, node: CanController) -> None:

@@ -27,7 +27,7 @@ INT_ENABLE, INT_STATUS, ACCEL, TEMP, GYRO, PWR_MGMT_1, PWR_MGMT_2, WHO_AM_I = (
 DATA_RDY, SLEEP, RESET, WIDE = 0x01, 0x40, 0x80, (0, 7)
 BYTES = 14
 LSB_PER_DPS, LSB_PER_G = (131.0, 65.5, 32.8, 16.4), (16384, 8192, 4096, 2048)
-"""By FS_SEL and AFS_SEL."""
+"""For each value of FS_SEL and of AFS_SEL."""
 
 
 class Mpu6050(Chip):

@@ -152,7 +152,8 @@ class Cpu:
         self._turned: dict[CrcLoop, Registers] = {}
         self.running = False
         self.loops_at_once = True
-        """Turns of the loop that feeds the CRC unit count as executed (crc_loop.py); False: each is."""
+        """True: many turns of the loop that feeds the CRC unit are computed at once (crc_loop.py); False: Unicorn
+        executes every turn."""
         self.sleeping = False
         self.locked_up = ""
         self.base = 0
@@ -178,7 +179,7 @@ class Cpu:
 
     def map_registers(self, base: int, size: int, bus: Bus, crc: Crc | None = None) -> None:
         """Pass accesses to a range of addresses to the bus. Calls the library directly, because this is the busiest
-        path. An exception raised in an access comes out of `run`. crc: the unit at `base`, which gets its words without
+        path. An exception raised in an access comes out of `run`. crc: the unit at `base`, whose words bypass
         the bus, because the firmware writes hundreds of them between two steps."""
 
         def read(_uc: int, offset: int, width: int, _user: int) -> int:
@@ -209,7 +210,8 @@ class Cpu:
             raise SimulationError(f"Unicorn does not map the registers at 0x{base:08X}")
 
     def _feed(self, crc: Crc) -> None:
-        """In a store to the unit: when it is the last one of a turn of its loop, take the turns to come at once."""
+        """Called in a store to the unit. When this is the last store in a turn of the loop, compute the coming turns at
+        once."""
         pc, *low = self._low.read()
         at = pc - FLASH_BASE - BEFORE
         if at < 0 or at + CODE_BYTES > len(self.flash):
@@ -298,7 +300,7 @@ class Cpu:
         return put_back
 
     def run(self, instructions: int) -> None:
-        """Run at most so many instructions; fewer when the core sleeps, an exception ends, or a limit was lowered."""
+        """Run `instructions` instructions; fewer when the core sleeps, an exception ends, or a limit was lowered."""
         self._stop_reason = 0
         self.running = True
         error = uclib.uc_emu_start(self._handle, self.pc | 1, NOWHERE, 0, instructions)

@@ -6,9 +6,9 @@ This loop is recognised by its machine code (Armv7-M A7.7), in which every instr
     1: str a, [Rm]; ldmia Rn!, {c, d}; str b, [Rm]; str c, [Rm]; ldmia Rn!, {a, b}; str d, [Rm]
        the same once more, with cmp Rn, Rend before str c; bne 1b
 
-At its last store the words of the turns to come are taken from memory, and Rn, the loaded registers and the count of
-instructions go on by as much, no further than the slice reaches: registers, flags and time are then what every turn on
-its own leaves. The last turn is always executed, because its comparison sets other flags.
+At the last store of a turn, the model takes the words of the coming turns from memory, and advances Rn, the loaded
+registers and the count of instructions by as many turns, up to the end of the slice. Registers, flags and time are then
+the same as if every turn had been executed. The last turn is always executed, because its comparison sets other flags.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from functools import lru_cache
 from typing import NamedTuple
 
 INSTRUCTIONS = 14
-"""Of a turn."""
+"""Instructions in a turn."""
 TURN_BYTES = 32
-"""Of memory that a turn feeds to the unit."""
+"""Bytes of memory that a turn feeds to the unit."""
 AHEAD_BYTES = 8
-"""Of memory that are loaded already at the last store of a turn."""
+"""Bytes of memory that the next turn feeds and that are already loaded at the last store of a turn."""
 CODE_BYTES = 2 * INSTRUCTIONS
 BEFORE = CODE_BYTES - 4
 """Bytes of a turn in front of its last store."""
 
 
 class CrcLoop(NamedTuple):
-    """Numbers of the registers, all below 8. loaded: those that take the words of a turn: a, b, c, d."""
+    """Numbers of the registers, all below 8. loaded: the registers a, b, c, d, which hold the words of a turn."""
 
     source: int
     end: int

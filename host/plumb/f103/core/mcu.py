@@ -1,7 +1,7 @@
-"""What a part of the simulated chip may ask of the chip that it is in, and through it of the other parts.
+"""Interface of the simulated chip towards its parts, and through the chip to the other parts.
 
-`plumb.f103.machine.Machine` builds the parts and knows them all. A part knows this contract alone: it imports neither
-the machine nor another part that it only asks. What a peripheral offers to another beyond its registers is listed
+`plumb.f103.machine.Machine` builds the parts and knows them all. A part knows only these protocols: it imports neither
+the machine nor a part that it only queries. What a peripheral offers to other parts beyond its registers is listed
 here. Times are ticks of `timeline`; `..._ticks` is the length of a clock period.
 """
 
@@ -187,7 +187,7 @@ class Converter(Protocol):
 
 
 class AnalogInputs(Protocol):
-    """What is at the analog pins."""
+    """Voltages of the analog pins."""
 
     def sampled(self, pin: str, time_s: float, /) -> float: ...
 
@@ -231,7 +231,7 @@ class Mcu(Protocol):
     def powered(self) -> bool: ...
     @property
     def warnings(self) -> Sequence[str]:
-        """What `warn` was told so far."""
+        """The texts passed to `warn` so far."""
 
     @property
     def timeline(self) -> Timeline: ...
@@ -297,10 +297,10 @@ class Mcu(Protocol):
         """Tell the observers of levels that a pin may have changed."""
 
     def host_waits_no_more(self) -> None:
-        """The board has begun to send: the call that waits for it returns."""
+        """End the call that waits for the board to send: it has begun to send."""
 
     def warn(self, text: str, /) -> None:
-        """Something silicon tolerates but firmware should not do."""
+        """Record that the firmware did something that silicon tolerates but that is wrong."""
 
     def where(self) -> str:
         """Time and place in the program, for messages."""

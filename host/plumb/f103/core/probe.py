@@ -1,7 +1,7 @@
-"""What an instrument on the chip's pins is told: the levels and waveforms as the models produce them.
+"""Interface of an instrument on the chip's pins: the models report levels and waveforms to it.
 
-The models call these methods while `machine.probe` is set. Times are ticks. A model may report what lies a little in
-the past (a byte is reported when it is complete) or in the future (bytes back to back on the UART).
+The models call these methods while `machine.probe` is set. Times are ticks. A model may report an
+event a little late (a byte when it is complete) or ahead of time (bytes back to back on the UART).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Probe(Protocol):
     """An instrument."""
 
     def restarted(self, now: int, /) -> None:
-        """The part was reset: what was on its way out has ended."""
+        """The part was reset: bytes and frames that it was sending are cut off."""
 
     def pins_changed(self, now: int, /) -> None:
         """The level of a pin may have changed."""

@@ -1,7 +1,8 @@
 """bxCAN (RM0008 chapter 24): modes, bit timing, three transmit mailboxes, fourteen filter banks, two FIFOs of three,
 error counters and bus-off. The bus itself is in canwire.py.
 
-Not modelled: time-triggered communication, wake-up by bus activity. Off the bus in loop back and silent mode.
+Not modelled: time-triggered communication, wake-up by bus activity. In loop back and silent mode the model is off the
+bus.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ TX_IRQ, RX0_IRQ, RX1_IRQ, SCE_IRQ = 19, 20, 21, 22
 MAILBOXES, BANKS, DEPTH = 3, 14, 3
 TX_WORDS, RX_WORDS = ("ti", "tdt", "tdl", "tdh"), ("ri", "rdt", "rdl", "rdh")
 TEST_MODES = 3 << 30
-"""Of BTR: silent and loop back."""
+"""SILM and LBKM of BTR: silent and loop back."""
 IDLE_BITS = 11
 RECOVERY_BITS = 128 * 11
 TME = 7 << 26
-"""Of TSR: all mailboxes are empty."""
+"""Bits of TSR: all mailboxes are empty."""
 TSR_CLEAR = {n: (1 << 8 * n, 0x0F << 8 * n) for n in range(MAILBOXES)}
-"""Of each mailbox: its bit RQCP, and the bits that clearing RQCP clears."""
+"""For each mailbox: its bit RQCP in TSR, and the bits that clearing RQCP clears."""
 
 
 @dataclass
@@ -79,8 +80,8 @@ def _registers() -> tuple[Register, ...]:
 
 
 class Bxcan(Peripheral):
-    """wire: its bus. release_ticks: time that the release of a received frame takes (RM0008 gives no figure, but a bit
-    that shows it)."""
+    """wire: its bus. release_ticks: time that the release of a received frame takes (RM0008 gives no figure; the bit
+    RFOM shows that it is under way)."""
 
     REGISTERS = _registers()
     NARROW = "refuse"
@@ -120,7 +121,7 @@ class Bxcan(Peripheral):
             self.machine.nvic.set_line(interrupt, False)
         self.wire.board_lost()
 
-    # What the wire asks
+    # The node, as the wire sees it
 
     @property
     def listening(self) -> bool:
@@ -214,7 +215,7 @@ class Bxcan(Peripheral):
         self._update_lines()
 
     def frame_over(self) -> None:
-        """Carry out what had to wait for the end of the frame on the bus."""
+        """Carry out a request that waited for the end of the frame on the bus."""
         self.sending = None
         if self.mcr & INRQ and not self.initialising:
             self._enter_initialisation()
@@ -290,7 +291,7 @@ class Bxcan(Peripheral):
         self.wire.look()
 
     def _when_recessive(self, event: str, bits: int, then: Callable[[int], None]) -> None:
-        """Call then() after so many recessive bits; the count restarts when the bus was held dominant."""
+        """Call then() after this number of recessive bits; the count restarts when the bus was held dominant."""
         self.machine.timeline.cancel(event)
         if not self.wire.dominant:
             self.machine.timeline.at(event, self.machine.now + bits * self.bit_ticks, then)

@@ -43,8 +43,8 @@ def remainder(start: int, words: bytes | bytearray) -> int:
 
 class Crc(Peripheral):
     """waiting: words written since DR was last read, as they lie in memory; the remainder is computed when DR is read.
-    by_other_code: they are not written by the loop that may be taken many turns at once (crc_loop.py), so that nobody
-    needs to look again."""
+    by_other_code: the words come from code other than the loop of crc_loop.py, so the core need not look for that loop
+    again until DR is read."""
 
     NARROW = "refuse"
     REGISTERS = (Register("dr", DR_OFFSET, START), Register("idr", 0x04, 0, 0xFF), Register("cr", 0x08))

@@ -102,7 +102,7 @@ class Gpio(Peripheral):
         found, modes = 0, self.crh << 32 | self.crl
         for pin, outside in enumerate(self.outside):
             mode, modes = modes & 15, modes >> 4
-            # an analog pin reads 0, and so does a floating input that nothing drives high; these are nearly all
+            # nearly all pins are analog, which read 0, or floating inputs that nothing drives high, which read 0, too
             if mode and (outside or mode != FLOATING) and self.level(pin):
                 found |= 1 << pin
         return found

@@ -86,7 +86,7 @@ class I2cBus:
         self._scl, self._sda = scl, sda
 
     def stick(self, clocks: int = 9) -> None:
-        """Make a slave, in the middle of a byte, hold SDA low for so many clocks."""
+        """Make a slave, in the middle of a byte, hold SDA low for this number of clocks."""
         self.held = clocks
         self.pins_changed()
 
@@ -366,7 +366,7 @@ class I2c(Peripheral):
             self._after(BITS, "_addressed")
             return
         if not self.sr1 & TXE or self.data is not None:
-            self.machine.warn("I2C1_DR is written when it takes nothing")
+            self.machine.warn("I2C1_DR is written while no byte is to be sent")
             return
         self.data = value
         self.sr1 &= ~(TXE | BTF)

@@ -103,7 +103,7 @@ class Spi(Peripheral):
         if self.selected is not None and self.cr1 & MODE == MODE:
             answer = self.selected.exchange(self.shifting, time)
         elif self.selected is not None:
-            self.machine.warn(f"SPI1 has CPOL, CPHA = {self.cr1 >> 1 & 1}, {self.cr1 & 1}; the chips here want 1, 1")
+            self.machine.warn(f"SPI1 has CPOL, CPHA = {self.cr1 >> 1 & 1}, {self.cr1 & 1}; the chips need 1, 1")
         if self.machine.probe is not None:
             self.machine.probe.spi(time, self._byte_ticks(), self.shifting, answer)
         self.shifting = None

@@ -81,7 +81,7 @@ class Usart(Peripheral):
         self.rx_flags = 0
         self.rdr = 0
         self.flags_read = 0
-        self.idle_at = 0  # when the line will have been idle for a frame; 0: already told
+        self.idle_at = 0  # when the line will have been idle for a frame; 0: IDLE was already signalled
         self.tx_dma_from = 0
         for name in ("usart tx", "usart tc", "usart rx"):
             self.machine.timeline.cancel(name)
@@ -243,7 +243,7 @@ class Usart(Peripheral):
         self.idle_at = burst.start + burst.used * burst.byte_ticks + self.byte_ticks
         self.rx_flags |= burst.errors
         if burst.errors & ORE:
-            return  # lost on request
+            return  # fault injection: lost
         if self.cr3 & DMAR and not self.rx_flags & RXNE:
             data = data[self.rx_dma.put(data) :]
         for byte in data:  # the bytes that the DMA did not take
@@ -254,7 +254,7 @@ class Usart(Peripheral):
                 self.rx_flags |= RXNE
 
     def _fetch_waiting(self) -> None:
-        """Give the DMA, when it is switched on, a byte that already waits in RDR."""
+        """The DMA was switched on: give it a byte that already waits in RDR."""
         if self.cr3 & DMAR and self.rx_flags & RXNE and self.rx_dma.put([self.rdr]):
             self.rx_flags &= ~RXNE
 

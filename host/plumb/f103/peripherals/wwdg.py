@@ -40,7 +40,7 @@ class Wwdg(Peripheral):
 
     def reset(self) -> None:
         super().reset()
-        self.clocked = False  # RCC says so, too
+        self.clocked = False  # a reset clears the enable bit in RCC, too
         self._settled = self._epoch = self.machine.now
         self.machine.timeline.cancel("wwdg")
         self.machine.nvic.set_line(INTERRUPT, False)
