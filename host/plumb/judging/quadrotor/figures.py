@@ -31,7 +31,7 @@ SETTLED_DEG = 5.0
 """A vehicle that leans by less is back to level."""
 
 ASSUMED = (
-    "Means and worst seeds over 40 seeds, every 2.5 ms. Estimate: angle between the estimated and the true vertical;"
+    "Means and worst seeds, every 2.5 ms. Estimate: angle between the estimated and the true vertical;"
     " flown: between the true vertical and the one that the pilot asks for; rms from 8 s on, the worst value where a"
     " row says so.",
     "RotorS hummingbird (0.716 kg, inertia 0.007, 0.007, 0.012 kg m^2, arm 0.17 m), flown as an X. Assumed: thrust 0.6"
