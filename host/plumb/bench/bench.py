@@ -2,17 +2,17 @@
 
 The image's own machine code runs, called by symbol (plumb.bench.instruction_counter). control_step runs whole, over
 ordinary and wild input with every shipped tuning of hurried. The kernels are inlined into it and found by the debug
-information: their rows are what a step really spends on the instructions that came from them; their stack is the
-step's. The other systems' steps run over the inputs of their golden vectors; where a system declares no budget, the
-row says what its step takes of the shortest period that the board accepts. The digest of hurried's record by the chip's
-CRC unit is compared with zlib's. The check of the memory that decides a pulse is no part of a step: it runs in every
-turn of the loop outside lockstep, as does the sealing, which takes as long. A whole step in lockstep runs on the
-virtual board, from the first character of its sample on the UART to the last of its reply, with every turn of the
-loop and every interrupt between; that row is a mean, because a step now and then has the board's report of itself to
-send. Numbers are the worst of all inputs: an upper bound per path by plumb.bench.m3_timing, exact in instructions.
-Errors are against float64 on the same inputs, in degrees, of pid_step as a fraction of full command: of the Arm
-code's own results, but for the filter, the whole chain, atan2 and asin, which take more steps than an emulator should
-and run on the native twin (plumb.proof.accuracy); golden vectors hold the two equal to the bit.
+information: their rows count the instructions of a step that came from them, and have the stack of the step. The other
+systems' steps run over the inputs of their golden vectors; where a system declares no budget, the row gives the share
+of the shortest period that the board accepts. The digest of hurried's record by the chip's CRC unit is compared with
+zlib's. The check of guarded memory is not part of a step: it runs in every turn of the loop outside lockstep, as does
+the sealing, which takes as long. A whole step in lockstep runs on the virtual board, from the first character of its
+sample on the UART to the last of its reply, with every turn of the loop and every interrupt between; that row is a
+mean, because in some steps the board also sends its status. Numbers are the worst of all inputs: an upper bound per
+path by plumb.bench.m3_timing, exact in instructions. Errors are against float64 on the same inputs, in degrees; for
+pid_step as a fraction of full command. They are those of the Arm code, except for the filter, the whole chain, atan2
+and asin: these need more steps than an emulator can run in reasonable time, and run on the native core
+(plumb.proof.accuracy), which golden vectors hold equal to the bit.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ INPUT_BYTES = 2 * (COUNTS_MAX + COMMAND_WORDS_MAX + WORDS_PER_FRAME)
 """Memory for the inputs of a step of any system."""
 WILD_STEPS = 200
 SPREAD_STEPS = 600
-"""Steps of a vector of a system that spreads its work over many steps: it has a budget of the mean."""
+"""Steps of a vector for a system that spreads its work over many steps, and so has a budget for the mean."""
 MOTION_STEPS = 1500
 ANGLES = 200_000
 KALMAN_STEPS = 20_000
@@ -73,7 +73,7 @@ ASIN_LIMIT_DEG = 80.0
 @dataclass(frozen=True)
 class Budget:
     """Budget of a kernel: cycles at zero wait states (None: not set) and their goal; error and its unit; instructions,
-    for a budget in instructions; cycles_mean, of the mean call."""
+    for a budget in instructions; cycles_mean, for the mean of all calls."""
 
     cycles: int | None
     stretch: int
@@ -96,7 +96,7 @@ def _step_row(system: str) -> str:
     return "control_step" if system == HURRIED else f"{STEP_OF}{system}"
 
 
-# The error of control_step is that of the whole chain, counts to angle, over the system's own motion.
+# The error of control_step is that of the whole chain from counts to angle, over the system's own motion.
 BUDGETS = {
     "kalman_step": Budget(200, 145, 5e-4, "deg"),
     "atan2": Budget(180, 90, 5e-6, "deg"),

@@ -1,8 +1,8 @@
 """Load of the links: longest frame on a CAN bus, periodic frames of an open link, steps per second of every system.
 
-`python -m plumb.bench.bus_load` prints the tables that docs/reference/protocol.md contains, and the steps that send
-every word of their record. All are worst cases: each frame has as many stuff bits as possible, each step all its
-frames.
+`python -m plumb.bench.bus_load` prints the tables that docs/reference/protocol.md contains, and the traffic of steps
+that send every word of their record. All are worst cases: each frame has as many stuff bits as possible, each step all
+its frames.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from plumb.systems.contracts import PINS
 
 BITRATES_KBIT = (125, 250, 500, 1000)
 QUANTA, PHASE_2, SJW = 18, 2, 2
-"""Time quanta: of a bit, after the sample point, and by which resynchronisation may stretch a bit."""
+"""Time quanta of a bit, after its sample point, and by which resynchronisation may stretch a bit."""
 PLAIN_BITS = 111
 """ISO 11898-1: a data frame of eight bytes with a standard identifier, intermission included."""
 STUFFED_BITS = 34 + 64
@@ -46,8 +46,8 @@ def housekeeping_ps() -> float:
 
 
 def clock_tolerance() -> float:
-    """Tolerance of each node's clock, relative: the lesser of what resynchronisation corrects over ten bits and what
-    may drift over the thirteen bits of an error flag (ISO 11898-1)."""
+    """Tolerance of each node's clock, relative: the lesser of the drift that resynchronisation corrects over ten bits
+    and the drift allowed over the thirteen bits of an error flag (ISO 11898-1)."""
     return min(SJW / (20 * QUANTA), PHASE_2 / (2 * (13 * QUANTA - PHASE_2)))
 
 
@@ -96,12 +96,12 @@ INPUTS_PS = 400
 SETS_PS = 50
 """Sets of setpoint and commands per second, where not every step has one."""
 INPUTS = ((6, 0), (9, 6), (12, 16))
-"""Raw counts, and words of commands, of its rows."""
+"""Raw counts and words of commands in each row of `inputs_table`."""
 
 
 def inputs_table() -> str:
-    """Markdown table: what the inputs of a step cost at 400 steps a second: load of the UART, in its busier direction,
-    and of a bus of 500 kbit/s. verified: the board sends the inputs of each step beside its digest."""
+    """Markdown table of the load of a step's inputs at 400 steps a second, on the UART in its busier direction and on a
+    bus of 500 kbit/s. verified: the board sends the inputs of each step beside its digest."""
     often, seldom = "a set with every step", f"{SETS_PS} sets a second"
     lines = ["| counts | words of commands | run | frames/s down / up | UART | CAN 500 |", "|---" * 6 + "|"]
     for counts, words in INPUTS:

@@ -1,4 +1,5 @@
-"""Where the compiler inlined functions, and which file the others are from, by the debug information of an image."""
+"""Places where the compiler inlined functions, and the source file of every other function, by the debug information of
+an image."""
 
 from __future__ import annotations
 
@@ -73,7 +74,7 @@ def _dwarf(path: Path) -> Iterator[Any]:  # Any: pyelftools has no types
 
 
 def _address(entry: Any) -> int | None:  # Any: pyelftools has no types
-    """Of a function or variable that has one."""
+    """Address of a function or variable, if it has one."""
     if "DW_AT_low_pc" in entry.attributes:
         return int(entry.attributes["DW_AT_low_pc"].value)
     location = entry.attributes.get("DW_AT_location")

@@ -33,9 +33,9 @@ from plumb.flash.elf import Elf, Symbol
 
 RCC_PAGE = 0x4002_1000
 MAGIC_RETURN = 0x1F00_0000  # an empty page of the code region: reaching it ends a call
-ARGUMENT_BASE = 0x6000_0000  # a page of RAM of the bench's own for arguments
+ARGUMENT_BASE = 0x6000_0000  # the bench's own page of RAM, for arguments
 ARGUMENT_BYTES = 0x10000
-STACK_BASE = 0x7000_0000  # and a stack of the bench's own, so that the image's RAM stays as it is
+STACK_BASE = 0x7000_0000  # the bench's own stack, so that the image's RAM is not changed
 STACK_BYTES = 0x10000
 LIMIT_BLOCKS = 200_000  # a call that takes more counts as hung
 
@@ -67,7 +67,7 @@ class Image(Elf):
 
 @dataclass
 class Profile:
-    """Worst case of many calls of one function. stack: of an inlined function the stack of the whole step at its
+    """Worst case of many calls of one function. stack: for an inlined function, the stack of the whole step at that
     place."""
 
     name: str
@@ -116,7 +116,7 @@ class Counter:
         self._uc.mem_map(STACK_BASE, STACK_BYTES)
         self._uc.mem_map(MAGIC_RETURN, 0x1000)
         self._uc.mem_map(RCC_PAGE, 0x1000)  # plain memory: clocks may be switched on
-        self._unit_blocks: set[int] = set()  # basic blocks that give the CRC unit words
+        self._unit_blocks: set[int] = set()  # basic blocks that write words to the CRC unit
         self._unit_words = bytearray()
         self._uc.mmio_map(crc.BASE, 0x1000, self._on_unit_read, None, self._on_unit_write, None)
         self._next_argument = ARGUMENT_BASE
@@ -126,7 +126,7 @@ class Counter:
         self._blocks: dict[tuple[int, int], list[Instruction]] = {}
         self._costs: dict[tuple[int, ...], Cost] = {}
         self._path_costs: dict[frozenset[int], PathCosts] = {}
-        """By the stores to the CRC unit that were seen until then."""
+        """Costs of paths, by the set of stores to the CRC unit that was known at the time."""
         self._nested: dict[tuple[int, ...], list[tuple[str, tuple[int, ...]]]] = {}
         self.profiles = {name: Profile(name) for name in watch}
         self._watched = {image.symbols[name].address: name for name in watch if name in image.symbols}
@@ -227,7 +227,7 @@ class Counter:
         return path
 
     def _block(self, start: int, size: int) -> list[Instruction]:
-        """The instructions of a basic block of so many bytes."""
+        """The instructions of a basic block of `size` bytes."""
         if (start, size) not in self._blocks:
             found, address = [], start
             while address < start + size:
@@ -248,8 +248,8 @@ class Counter:
             self.profiles[place.name].add(blocks, cost)
 
     def _inlined_parts(self, blocks: tuple[int, ...]) -> Iterator[tuple[Inlined, Cost, set[int]]]:
-        """The watched inlined functions on a path: place, cost, and the tables that they read. Reads are known by basic
-        block only, and count for every inlined function in the block."""
+        """The watched inlined functions on a path: place, cost, and the tables that they read. Reads are only known per
+        basic block, and count for every inlined function in the block."""
         steps = list(path_steps(self.path(blocks), self._unit_stores()))
         for place in self._inlined:
             own = [step for step in steps if step.instruction.address in place]

@@ -22,10 +22,10 @@ A conditional instruction in an IT block is charged as if it were executed (a sk
 branch as it went.  The call instruction belongs to the caller and is not counted; the return is.
 
 With two flash wait states (72 MHz) the flash delivers one 64-bit line in 3 cycles.  Model: two line buffers; the line
-after the one in use is fetched ahead as soon as the flash is idle; an instruction waits until the lines it lies in have
-arrived, of which one cycle is the ordinary fetch.  A literal-pool load takes the flash for 3 cycles, 2 of them lost;
-any other load from flash is charged 2 + 3 (its own wait, and the prefetch that it delays).  SRAM has no wait states.
-The CRC unit takes a word every 4 cycles of HCLK (RM0008 4.2); a store that comes earlier waits.
+after the one in use is fetched ahead as soon as the flash is idle; an instruction waits until the lines that contain it
+have arrived, of which one cycle is the ordinary fetch.  A literal-pool load takes the flash for 3 cycles, 2 of them
+lost; any other load from flash is charged 2 + 3 (its own wait, and the prefetch that it delays).  SRAM has no wait
+states. The CRC unit takes a word every 4 cycles of HCLK (RM0008 4.2); a store that comes earlier waits.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ class _Flash:
         self._ready: dict[int, int] = {}  # line -> arrival
 
     def _read(self, line: int) -> None:
-        """A line that is in no buffer."""
+        """Read a line that is not in a buffer."""
         self._free = max(self.time, self._free) + FLASH_READ_CYCLES_2WS
         while len(self._ready) > 1:
             self._ready.pop(next(iter(self._ready)))
@@ -213,12 +213,12 @@ class Step(NamedTuple):
 
 
 State = tuple[int, tuple[tuple[int, int], ...], int, int]
-"""What the cost of the next instructions depends on, relative to the present: when the flash is free, its lines with
-their arrival, and when the CRC unit is free at zero and at two wait states; cycles."""
+"""The state that the cost of the next instructions depends on, relative to the present: when the flash is free, its
+lines with their arrival, and when the CRC unit is free at zero and at two wait states; cycles."""
 
 
 class Pipeline:
-    """A path in pieces, one after the other. unit_writes: addresses of the stores to the CRC unit."""
+    """The cost of a path that is given in consecutive pieces. unit_writes: addresses of the stores to the CRC unit."""
 
     def __init__(self, unit_writes: Container[int] = ()) -> None:
         self._flash, self._unit, self._unit_2ws = _Flash(), _CrcUnit(), _CrcUnit()

@@ -36,7 +36,7 @@ class Function:
 
 @dataclass(frozen=True)
 class Instruction:
-    """What of an instruction the stack depends on. growth_bytes: None when the stack grows by an unknown amount;
+    """Properties of an instruction that affect the stack. growth_bytes: None when the stack grows by an unknown amount;
     target: of a call or branch to a fixed address; name: the mnemonic without condition and width."""
 
     address: int
@@ -49,8 +49,8 @@ class Instruction:
 
 
 class _Reader:
-    """Instructions by capstone. One that an IT block may skip grows the stack but never shrinks it, and never ends a
-    path."""
+    """Instructions by capstone. A conditional instruction in an IT block may grow the stack, but never shrinks it and
+    never ends a path."""
 
     def __init__(self) -> None:
         self.thumb = Thumb("the call graph")
@@ -170,7 +170,8 @@ class CallGraph:
         return {}
 
     def reachable(self, *addresses: int, closed: Collection[int] = ()) -> set[int]:
-        """The functions at these addresses with all that they call; closed: functions that are not entered."""
+        """The functions at these addresses and all functions that they call; closed: functions that are not
+        followed."""
         found: set[int] = set()
         work = list(addresses)
         while work:

@@ -3,7 +3,7 @@
 Both do the same three things: identify the chip, write an image erasing only the pages that it covers, and read the
 flash back. The written bytes are compared here, whatever the tool reports.
 
-Tried against programs that stand in for OpenOCD and pyOCD (tests/flash/test_probe.py), not against silicon.
+Tested with programs that imitate OpenOCD and pyOCD (tests/flash/test_probe.py), not with silicon.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ TIMEOUT_S = 120.0
 
 @dataclass(frozen=True)
 class Chip:
-    """The chip at the probe. part: as over the bootloader. idcode: of the debug port, None when the tool did not show
-    it."""
+    """The chip at the probe. part: as the bootloader would report it. idcode: of the debug port, None when the tool did
+    not show it."""
 
     part: Part
     idcode: int | None

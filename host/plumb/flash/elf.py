@@ -16,7 +16,7 @@ from plumb.errors import UsageError
 from plumb.files.input_files import read_bytes
 
 MOST_BYTES = 64 << 20
-"""Of a file, and of what its segments hold: an image with its debug information has 1 MiB."""
+"""Largest file, and largest total of its segments: an image with its debug information has 1 MiB."""
 MOST_SYMBOLS, LONGEST_NAME = 1 << 16, 256
 CODE, DATA = "$t", "$d"
 """Mapping symbols (ELF for the Arm architecture, 5.5.5): from here on Thumb instructions, from here on data. A further
@@ -124,7 +124,7 @@ class Elf:
 
     @property
     def functions(self) -> list[Symbol]:
-        """Functions with their bytes, by address, each once: of several names the one that comes first."""
+        """Functions with their bytes, by address, each once; of several names of a function the first one."""
         found: dict[int, Symbol] = {}
         for symbol in self._placed:
             if symbol.is_function and symbol.size:
@@ -138,7 +138,8 @@ class Elf:
         return sorted(kinds), [kinds[address] for address in sorted(kinds)]
 
     def code_of(self, function: Symbol) -> list[tuple[int, bytes]]:
-        """Address and bytes of the instructions of a function: what the mapping symbols call data is left out."""
+        """Address and bytes of the instructions of a function, without the parts that the mapping symbols mark as
+        data."""
         addresses, are_code = self._mapping
         end = function.address + function.size
         inside = addresses[bisect.bisect_right(addresses, function.address) : bisect.bisect_left(addresses, end)]
@@ -158,8 +159,8 @@ class Elf:
 
     @property
     def limits(self) -> dict[str, int]:
-        """What the image may take, in bytes, as its linker script says: flash, ram (data and reserved stack), and stack
-        (the reserve). Raises UsageError for a file that was linked by another script."""
+        """Limits of the image in bytes, from its linker script: flash, ram (data and reserved stack), and stack (the
+        reserve). Raises UsageError for a file that was linked by another script."""
         names = {"flash": "flash_budget", "ram": "ram_budget", "stack": "stack_bytes"}
         return {kind: self.symbol(name).address for kind, name in names.items()}
 

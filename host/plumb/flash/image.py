@@ -1,4 +1,4 @@
-"""The flash image: finds it, and reads its bytes from .bin, .hex or .elf. All three of one build give the same
+"""The flash image: finds it, and reads its bytes from .bin, .hex or .elf. The three files of one build give the same
 bytes."""
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from plumb.files.input_files import read_bytes
 
 FLASH_BASE = 0x08000000
 FLASH_BYTES = 0x80000
-"""Flash of the largest part of the family that is meant here."""
+"""Flash of the largest supported part of the family."""
 MOST_HEX_BYTES = 16 * FLASH_BYTES
 """Largest file of Intel HEX: a record of one byte takes 13."""
 MOST_BYTES = 64 << 20
@@ -40,11 +40,12 @@ class ImageHeader:
 
 
 def find_image(image: Path | None = None) -> Path:
-    """The flash image to use: `image`, a file or the name of an image; that of all systems without it. Raises
+    """The flash image to use: `image`, a file or the name of an image; without it the image of all systems. Raises
     UsageError when there is none (`plumb.flash.named_images`)."""
     if image is not None and image.is_file():
         return image
-    from plumb.flash.named_images import named_image  # names are of systems, which the simulated chip does not know
+    # names of images are of systems, which the simulated chip does not know
+    from plumb.flash.named_images import named_image
 
     return named_image(None if image is None else str(image))
 
@@ -63,7 +64,7 @@ def load_image(path: Path) -> bytes:
 
 
 def load_own_image(path: Path) -> bytes:
-    """Bytes of an image to be run; an image of plumb is checked whole, any other has its vector table. Raises
+    """Bytes of an image to be run. An image of plumb is checked whole, any other by its vector table. Raises
     UsageError."""
     data = load_image(path)
     if claims_to_be_ours(data):

@@ -1,4 +1,4 @@
-"""What an image would save without one of its systems, by its call graph."""
+"""Flash that an image would save without one of its systems, by its call graph."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ ENTRIES = ("init", "step", "params_valid", "plausibility", "retune")
 """Functions of a system that the dispatch calls: plumb_NAME_init() and so on."""
 LOOKUP, LOOKUP_BYTES = "place_of", 448
 """Function of generated/params.c by which an image finds parameters when it holds a part of the table; and the most
-that it and its like take. An image of all systems does without."""
+bytes that it and similar functions take. An image of all systems does not need it."""
 
 
 def systems_in(graph: CallGraph) -> list[str]:
-    """The systems whose steps the image holds, by their symbols: its own, and those that they stand on."""
+    """The systems whose steps the image holds, by their symbols: its own, and those that these build on."""
     return [name for name in declarations.names() if f"plumb_{name}_step" in graph.elf.symbols]
 
 
 def saved_bytes(graph: CallGraph, system: str) -> int:
-    """Flash of the functions that only this system reaches, less what finds a part of the table where this image holds
-    all of it; 0 where another system stands on it. Constants and initial values come on top."""
+    """Flash of the functions that only this system reaches, minus LOOKUP_BYTES where the image then needs LOOKUP; 0
+    where another system builds on it. Constants and initial values come on top."""
     if any(system in declarations.system(name).stands_on for name in systems_in(graph)):
         return 0
     entries = {f"plumb_{system}_{entry}" for entry in ENTRIES}

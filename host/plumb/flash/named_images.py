@@ -18,7 +18,7 @@ def build_of(name: str) -> Path:
 
 
 def named_image(name: str | None = None) -> Path:
-    """The file of the image of that name, of `all` without one. Raises UsageError when there is none."""
+    """The file of the image of that name, or without a name of `all`. Raises UsageError when there is none."""
     wanted = images.ALL if name is None else name
     known = images.images()
     if wanted in known:

@@ -1,4 +1,4 @@
-"""The flash images that the package carries: those that plumb.spec.images names.
+"""The flash images in the package: those that plumb.spec.images names.
 
 `make wheel` writes images/ into the package (tools/package_images.py), with the manifest images.json:
 

@@ -3,9 +3,9 @@ back.
 
 The bootloader listens on USART1 (PA9, PA10) at 8E1 after a reset with BOOT0 high, and measures its baud rate from the
 first byte, 0x7F. It has no time-outs: after a lost byte it waits for ever. The host then sends 0x7F until the
-bootloader is at the start of a command again: two 0x7F are a command that it refuses.
+bootloader expects a command again: it refuses 0x7F 0x7F as a command.
 
-stm32loader is under the GPL-3: an extra of the tools, imported only here and only when used.
+stm32loader is under the GPL-3: an optional extra, imported only here and only when used.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ REPLY_S = 1.0  # a page erase takes up to 40 ms (datasheet, table 30); the rest 
 SYNC_S = 0.3
 BRIDGE_PINS = 1
 """Number of the pin set with the UART on PB6 and PB7 (IDENTITY.PINS, parameter `pins`)."""
-LEAVES_S = 0.3  # a board that is asked enters the bootloader 0.1 s after its answer
+LEAVES_S = 0.3  # a board enters the bootloader 0.1 s after its answer to the request
 _TRIES = 3
 _ACK, _NACK, _SYNC = 0x79, 0x1F, b"\x7f"
 WRITE_TO = b"\x08\x00\x00\x00\x08"
@@ -141,7 +141,7 @@ class Line:
             self._port.rts = not on
 
     def reset(self, boot0: bool) -> None:
-        """Through DTR and RTS, where they are wired to RESET and BOOT0; nothing happens where they are not."""
+        """Reset the chip by DTR and RTS, if they are wired to RESET and BOOT0; else nothing happens."""
         self.enable_boot0(boot0)
         self.enable_reset(True)
         time.sleep(0.05)
@@ -193,9 +193,7 @@ class RomLoader:
         version = self._persist("tell its version", self._boot.get)
         device_id = self._persist("tell what it is", self._boot.get_id)
         if device_id > MOST_DEVICE_ID:
-            raise LinkError(
-                "what answers is no bootloader: it repeats itself; check the wires, and that the port is the board's"
-            )
+            raise LinkError("no bootloader answers, only an echo: check the wires, and that the port is the board's")
         part_of(device_id, None, version)
         try:
             size = int.from_bytes(self.read(FLASH_SIZE_ADDRESS, 2), "little")
@@ -345,9 +343,9 @@ class Flashed:
 def block_bytes(data: bytes) -> int:
     """Number of these bytes to send in one block, at most BLOCK_BYTES.
 
-    A block is sent without acknowledgement in between: its length, the data, a checksum. If the length gets lost, the
-    first byte of data takes its place, and the remaining bytes are read as commands. A block is made shorter when these
-    would erase, write or start something.
+    A block is sent without acknowledgement in between: its length, the data, a checksum. If the length is lost, the
+    bootloader takes the first byte of data for it, and the remaining bytes for commands. A block is made shorter when
+    such commands would erase, write or start something.
     """
     for count in range(min(len(data), BLOCK_BYTES), 0, -4):
         block = data[:count]

@@ -20,7 +20,7 @@ FLASH_SIZE = 0x1FFFF7E0
 GET, GET_VERSION, GET_ID, READ, GO, WRITE, ERASE, EXTENDED_ERASE = 0x00, 0x01, 0x02, 0x11, 0x21, 0x31, 0x43, 0x44
 
 Bytes = Generator[None, int, bytes]
-"""A coroutine that receives bytes one by one and returns the bytes of a field."""
+"""A coroutine that receives single bytes and returns the bytes of a field."""
 Step = Generator[None, int, None]
 
 

@@ -1,6 +1,7 @@
-"""Why no board answers on a serial port: who has it, another baud rate, the ROM bootloader, or nothing at all.
+"""Diagnose why no board answers on a serial port: another program has it open, the baud rate differs, the ROM
+bootloader listens, or nothing is connected.
 
-The port is opened and written to, so this is for a port that the user named.
+The port is opened and written to, so use this only for a port that the user named.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ SILENT = (
 
 
 def answers_at(port: str, baud: int) -> bytes:
-    """What comes back when the SLCAN question for the version is sent at this rate. Raises LinkError."""
+    """The bytes that come back when the SLCAN command for the version is sent at this rate. Raises LinkError."""
     stream = open_stream(SerialName(port, baud), baud)
     try:
         stream.write(b"\rC\rV\r")
@@ -53,7 +54,7 @@ def bootloader_at(port: str) -> Part | None:
 
 
 def clone(part: Part) -> Finding | None:
-    """That the bootloader is not one of ST's, and with it the chip."""
+    """A finding when the bootloader, and so the chip, is not one of ST's; else None."""
     if part.bootloader in ST_BOOTLOADERS:
         return None
     version = f"{part.bootloader >> 4}.{part.bootloader & 15}"
@@ -74,7 +75,7 @@ def _in_bootloader(port: str, part: Part) -> Iterator[Finding]:
 
 
 def diagnose(name: SerialName) -> Iterator[Finding]:
-    """What keeps a board on this port from answering, the most likely first.
+    """The reasons why no board answers on this port, the most likely first.
 
     The bootloader is asked first: it takes the baud rate from the first bytes that it hears.
     """

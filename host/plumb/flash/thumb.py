@@ -13,7 +13,7 @@ REGISTER_BYTES = 4
 
 class Thumb:
     """A disassembler for the Cortex-M3. `arm` has capstone's names of registers and kinds of operands. Raises
-    UsageError where capstone is not installed; purpose: what needs it, as the beginning of that sentence."""
+    UsageError where capstone is not installed; purpose: the feature that needs it, as the beginning of that message."""
 
     def __init__(self, purpose: str) -> None:
         capstone = required("capstone", "capstone", purpose, "bench")
@@ -26,7 +26,7 @@ class Thumb:
         return str(self._capstone.insn_name(instruction.id))
 
     def instructions(self, code: bytes, address: int) -> Iterator[Any]:  # Any: capstone has no types
-        """Every instruction of `code`, which lies at `address`. Raises UsageError for bytes that are no
+        """Every instruction of `code`, which lies at `address`. Raises UsageError for bytes that are not an
         instruction."""
         at = address
         for found in self._capstone.disasm(code, address):

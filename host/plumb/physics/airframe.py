@@ -3,8 +3,8 @@
     hummingbird   RotorS (ETH Zurich), rotors_description/urdf/hummingbird.xacro: body 0.68 kg and four rotors of 9 g
     iris          PX4, PX4-SITL_gazebo-classic models/iris/iris.sdf.jinja: body 1.5 kg, sensor 15 g, four rotors of 5 g
 
-Assumed of both: drag of the frame (CdA, and how far above the centre it acts), legs, and the thrust that a command
-makes. Axes of the body: x to the front, y to the left, z up.
+Assumed for both: drag of the frame (CdA, and how far above the centre it acts), legs, and the thrust for a command.
+Axes of the body: x to the front, y to the left, z up.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ Point = tuple[float, float, float]
 class Airframe:
     """rotors_m: where they are; spin: +1 of a rotor that turns counter-clockwise seen from above, else -1. A rotor at w
     rad/s pushes up with thrust * w^2, is turned back with moment_m times that, drags by rotor_drag * w * speed across
-    its axis, and rolls by rolling_moment * w * speed about the direction of that speed. drag_told_per_s: what an
-    estimator that uses the drag is told; more than drag_per_s, because the frame drags, too."""
+    its axis, and rolls by rolling_moment * w * speed about the direction of that speed. drag_told_per_s: the
+    value for an estimator that uses the drag; more than drag_per_s, because the frame has drag, too."""
 
     mass_kg: float
     inertia_kgm2: Point
@@ -50,7 +50,7 @@ class Airframe:
 
     @property
     def thrust_max_n(self) -> float:
-        """Of all four rotors with a full battery."""
+        """Largest thrust of all four rotors together, with a full battery."""
         return 4.0 * self.thrust_ns2 * self.speed_max_radps**2
 
     @property
@@ -76,7 +76,7 @@ class Airframe:
     def allocation(self) -> FloatArray:
         """Thrusts of the rotors in N to total thrust in N and torque about x, y, z in N m, (4, 4)."""
         x, y, _ = np.array(self.rotors_m).T
-        # A rotor is turned back by the air: the body turns against its spin.
+        # The air turns a rotor back, so the body turns against the rotor's spin.
         return np.stack([np.ones(4), y, -x, -self.moment_m * np.array(self.spin)])
 
 

@@ -1,7 +1,7 @@
 """A float controller for flights: attitude P on the cross product of two verticals, rate PI, mixer.
 
     rate setpoint   = ATTITUDE_GAIN (wanted vertical x estimated vertical) + yaw rate along the vertical
-    angular accel.  = RATE_GAIN (error + RATE_INTEGRAL sum of errors), of which the rotors make the torque
+    angular accel.  = RATE_GAIN (error + RATE_INTEGRAL sum of errors), whose torque the rotors make
     mixer           thrusts by the inverse of the airframe's allocation, with the collective moved so that no rotor
                     leaves its range; commands by the inverse of the thrust curve with a full battery
 
@@ -18,7 +18,7 @@ from plumb.physics.quadrotor import cross
 from plumb.spec.arrays import BoolArray, FloatArray
 
 ATTITUDE_GAIN, RATE_GAIN, RATE_INTEGRAL, YAW_GAIN = 6.0, 22.0, 1.5, 8.0
-"""All in 1/s."""
+"""Gains, all in 1/s."""
 RATE_LIMIT_RADPS, INTEGRAL_LIMIT_RAD, YAW_LIMIT = np.radians(360.0), 0.5, 0.15
 """YAW_LIMIT: torque about z at most, as a share of the collective thrust times the moment of a rotor."""
 IDLE = 0.05
@@ -40,7 +40,8 @@ class Cascade:
         flying: BoolArray,
     ) -> FloatArray:  # fmt: skip
         """Commands of the rotors, 0 to 1, (4, runs). up: estimated vertical, wanted: setpoint of it, body axes, (3,
-        runs); thrust_n: collective, (runs,); flying: else the integral rests."""
+        runs); thrust_n: collective, (runs,); flying: the vehicle is off the ground; else the integral does not
+        change."""
         asked = ATTITUDE_GAIN * cross(wanted, up) + yaw_radps * up
         error = np.clip(asked, -RATE_LIMIT_RADPS, RATE_LIMIT_RADPS) - rate_radps
         self._sum_rad += np.where(flying, error * self._period_s, 0.0)

@@ -47,5 +47,5 @@ class Ground:
         return force, torque
 
     def touched(self, position_m: FloatArray, margin_m: float) -> BoolArray:
-        """Whether the centre is lower above the plane than a body on its legs, or by less than a margin higher."""
+        """True where the height of the centre above the plane is less than that of a body on its legs plus a margin."""
         return np.asarray(self.normal @ position_m < -self._legs[2, 0] + margin_m)

@@ -1,6 +1,6 @@
-"""A hand that holds a body in a pose, and turns it to another when it is asked to.
+"""A hand that holds a body in a pose, and turns it to another one on request.
 
-A turn is smooth, and the body is at rest before and after it. It begins at the latest time that was asked for.
+A turn is smooth; the body is at rest before and after it. A turn begins at the latest time for which the pose was read.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from plumb.spec.arrays import FloatArray
 
 TURN_S = 1.0
-"""Time that a turn takes unless it is told."""
+"""Default time of a turn."""
 
 
 class Hand(Protocol):
@@ -92,7 +92,7 @@ class TurningHand:
         axis = np.cross(target, self._from)
         length = float(np.linalg.norm(axis))
         self._angle_rad = share * math.atan2(length, float(np.dot(target, self._from)))
-        if length < 1e-9:  # the same, or right over: about whichever axis is horizontal
+        if length < 1e-9:  # the same pose or the opposite one: any horizontal axis will do
             axis = np.cross(self._from, np.roll(np.abs(self._from).round(), 1))
             length = float(np.linalg.norm(axis))
         self._axis = axis / length

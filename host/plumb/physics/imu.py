@@ -3,9 +3,9 @@
     mpu6050           data sheet Rev. 3.4: 16 bits at +-2000 deg/s and +-16 g, accelerometer 400 ug/sqrt(Hz), gyro 0.005
     adxl345_itg3205   data sheets Rev. G and Rev. 1.0: 256 counts/g, 14.375 counts per deg/s; 290 ug and 0.03 deg/s
 
-Assumed of both, after a calibration at home: bias of the gyro 1 deg/s an axis, its sign drawn, and N(0.5 deg/s) more as
-it warms up with a time constant of 30 s; scale N(1 %), misalignment N(0.7 %), offset of the accelerometer N(2 mg) an
-axis.
+Assumed for both, after a calibration by the user: bias of the gyro 1 deg/s an axis, its sign drawn, and N(0.5 deg/s)
+more as it warms up with a time constant of 30 s; scale N(1 %), misalignment N(0.7 %), offset of the accelerometer N(2
+mg) an axis.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from plumb.spec.tuning import Channel
 
 DRAWS = 18
 WARM_UP_S = 30.0
-"""Numbers that the errors of one run take, unit normal."""
+"""DRAWS: unit normal numbers for the errors of one run."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +61,14 @@ class Imu:
         self._gyro_noise, self._accel_noise = grade.gyro_noise_dps * per_sample, grade.accel_noise_g * per_sample
 
     def bias_now_dps(self, time_s: float) -> FloatArray:
-        """Bias of the gyro, (3, runs); time_s: since power came."""
+        """Bias of the gyro, (3, runs); time_s: since power-up."""
         return np.asarray(self.bias_dps - self._warm_up_dps * np.expm1(-time_s / WARM_UP_S))
 
     def counts(
         self, time_s: float, rate_dps: FloatArray, force_g: FloatArray, white: FloatArray
     ) -> npt.NDArray[np.int16]:
-        """Of the mean rate and specific force since the sample before, (3, runs); time_s: since power came; white: unit
-        noise, (6, runs). -> (runs, 6)."""
+        """Counts (runs, 6) for the mean rate and specific force since the sample before, (3, runs) each. time_s: since
+        power-up; white: unit noise, (6, runs)."""
         rate = (self._matrix * rate_dps).sum(axis=1) + self.bias_now_dps(time_s) + self._gyro_noise * white[:3]
         force = force_g + self._offset_g + self._accel_noise * white[3:]
         found = np.empty((rate.shape[1], 6), np.int16)

@@ -1,7 +1,7 @@
-"""What a pilot asks for: the vertical in body axes, a yaw rate, and the collective thrust.
+"""Demands of a pilot: the vertical in body axes, a yaw rate, and the collective thrust.
 
-Pilots see the truth: those that hold a place see position and speed of 0.2 s ago and lean against them by at most
-20 deg; every pilot holds the height by eye and feels the lean that the body has.
+Pilots see the true state. A pilot that holds a place sees position and speed of 0.2 s ago and leans against them by at
+most 20 deg. Every pilot holds the height by eye and knows the lean of the body.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ HELD_DEG, ORBIT_BANK_DEG, ORBIT_YAW_DPS = 15.0, 20.0, 40.0
 
 @dataclass
 class Seen:
-    """What a pilot knows. time_s: since the flight began; position_m, velocity_mps: late, earth axes, (3, runs);
-    heading: cosine and sine, (2, runs); sticks: drawn values of -1 to 1 for every STICKS_EVERY_S, (times, 2, runs);
-    sum_ms: integral of the position, (2, runs)."""
+    """The state that a pilot sees. time_s: since the flight began; position_m, velocity_mps: delayed, earth axes, (3,
+    runs); heading: cosine and sine, (2, runs); sticks: drawn values of -1 to 1 for every STICKS_EVERY_S, (times, 2,
+    runs); sum_ms: integral of the position, (2, runs)."""
 
     time_s: float
     position_m: FloatArray
@@ -78,7 +78,7 @@ def shuttle(seen: Seen) -> Lean:
 
 
 def vertical(roll: FloatArray, pitch: FloatArray) -> FloatArray:
-    """The vertical in body axes that leans so: positive pitch accelerates forward, positive roll to the right."""
+    """The vertical in body axes for this lean: positive pitch accelerates forward, positive roll to the right."""
     return np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)])
 
 
@@ -87,7 +87,8 @@ SUM_LIMIT_MS, THRUST_MOST = 5.0, 0.9
 
 
 class Collective:
-    """Holds a height by eye: thrust in N from height and climb; THRUST_MOST: largest share of what the rotors have."""
+    """Holds a height by eye: thrust in N from height and climb; THRUST_MOST: largest share of the rotors'
+    thrust."""
 
     def __init__(self, frame: Airframe, runs: int, period_s: float) -> None:
         self._frame, self._period_s, self._sum_ms = frame, period_s, np.zeros(runs)

@@ -1,11 +1,11 @@
 """A quadrotor in six degrees of freedom, many runs at once: every array has the runs as its last axis.
 
-Earth axes: z up. The accelerometer feels thrust, drag, contact and vibration by mass, never gravity. Steps are
-semi-implicit; the attitude turns exactly by the rate of a step.
+Earth axes: z up. The accelerometer measures thrust, drag, contact and vibration divided by mass, but not gravity. Steps
+are semi-implicit; the attitude turns exactly by the rate of a step.
 
-Assumed beside the numbers of the airframe: ESCs that act after the delay of the caller, full thrust that sags with
-the battery (`supply`), and an unbalance of each rotor that shakes the body in the plane of the rotors at the rotor's
-speed, by vibration_g in a hover and with the square of the speed.
+Assumed besides the numbers of the airframe: ESCs that act after a delay which the caller applies, full thrust that sags
+with the battery (`supply`), and an unbalance of each rotor that shakes the body in the plane of the rotors at the
+rotor's speed, by vibration_g in a hover and with the square of the speed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def to_body(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Of vectors (3, runs)."""
+    """Cross product of vectors (3, runs)."""
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
@@ -58,19 +58,19 @@ class Quadrotor:
         self._torques, self._inertia = frame.allocation()[1:], np.array(frame.inertia_kgm2)[:, None]
 
     def spin_up(self, radps: float, phase_rad: FloatArray | float = 0.0) -> None:
-        """All rotors turn with this speed at once; phase_rad: of their unbalance, (4, runs)."""
+        """Set the speed of all rotors at once. phase_rad: angle of their unbalance, (4, runs)."""
         self.rotor_radps[:] = radps
         self._phase[:] = phase_rad
 
     def target_radps(self, command: FloatArray, supply: FloatArray | float = 1.0) -> FloatArray:
-        """Speed that the rotors settle at with commands of 0 to 1, (4, runs); supply: share of the full thrust."""
+        """Steady speed of the rotors with commands of 0 to 1, (4, runs); supply: share of the full thrust."""
         share = thrust_share(np.clip(command, 0.0, 1.0)) * supply
         return np.asarray(self.frame.speed_max_radps * np.sqrt(share))
 
     def advance(
         self, target_radps: FloatArray, wind_mps: FloatArray | float, step_s: float, ground: Ground | None = None
     ) -> FloatArray:
-        """One step; the mean of what an accelerometer in the centre feels in it, m/s^2, body axes."""
+        """One step; returns the mean reading of an accelerometer in the centre, m/s^2, body axes."""
         frame, rotor, matrix = self.frame, self.rotor_radps, self.matrix
         lag_s = np.where(target_radps > rotor, frame.lag_up_s, frame.lag_down_s)
         rotor += (target_radps - rotor) * -np.expm1(-step_s / lag_s)

@@ -23,7 +23,7 @@ from plumb.spec.tuning import Channel
 ADC_REFERENCE_V = 3.3
 ADC_COUNTS = 4096
 ADC_NOISE_LSB = 0.7
-"""Standard deviation before rounding, of all sources up to the converter together (assumed)."""
+"""Standard deviation before rounding, of all noise sources up to the converter together (assumed)."""
 
 
 def adc_counts(volts: npt.ArrayLike) -> npt.NDArray[np.int16]:
@@ -169,7 +169,7 @@ FAULT_NOISE_V, FAULT_NOISE_LSB, FAULT_RAIL_LSB = 0.1, 200.0, 32767
 FAULT_NOTES = {
     "railed": "a channel at the end of its scale",
     "stuck": "a channel frozen at its last value",
-    "noisy": f"a channel with {FAULT_NOISE_V:g} V, or {FAULT_NOISE_LSB:g} counts, rms of noise more",
+    "noisy": f"a channel with {FAULT_NOISE_V:g} V, or {FAULT_NOISE_LSB:g} counts, rms of additional noise",
     "silent": "a channel that is dead: 0 V, or zero",
 }
 

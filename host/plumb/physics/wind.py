@@ -27,7 +27,8 @@ def sigmas_mps(altitude_m: float, wind_mps: float) -> tuple[float, float]:
 
 
 class Wind:
-    """Mean wind with a direction of its own for each run, and gusts if asked for; velocity(): earth axes, (3, runs)."""
+    """Mean wind with a direction of its own for each run, and gusts on request; velocity_mps(): earth axes, (3,
+    runs)."""
 
     def __init__(
         self, speed_mps: float, heading_rad: FloatArray, begin: FloatArray, altitude_m: float = 10.0, gusts: bool = True

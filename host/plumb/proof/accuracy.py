@@ -1,8 +1,8 @@
 """Accuracy of the arithmetic: distance of the integers from float64 on the same integer inputs.
 
 `python -m plumb.proof.accuracy [--seeds N] [SYSTEM ...]` prints the table of docs/explanation/accuracy.md, for every
-tuning. The inputs of the filter alone are hard: the tilt sweeps through the whole turn, the gyro has 20 deg/s of bias,
-one measurement in fifty is an outlier of any angle, and R jumps over its whole range if the tuning allows it. The
+tuning. The inputs of the filter alone are extreme: the tilt sweeps through the whole turn, the gyro has 20 deg/s of
+bias, one measurement in fifty is an outlier of any angle, and R jumps over its whole range if the tuning allows it. The
 inputs of the chain are the system's default scenario, seed 1000, or the worst of N seeds from there on. Bounds are for
 an innovation of 180 deg; the page has the bound of a chain of more than one filter.
 """
@@ -33,8 +33,8 @@ NEAR_HALF_TURN_DEG = 0.01
 """Innovations this close to +-180 deg may wrap to either sign: the reference takes the sign of the integers."""
 
 LEAST_G = 0.5
-"""Least length of the acceleration for which the bounds of a chain with a wheel hold: the shorter it is, the more an
-error of a component changes its angle."""
+"""Least length of the acceleration for which the bounds of a chain with a wheel hold: the shorter the acceleration, the
+more an error of a component changes its angle."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def steady_gains(q_angle: float, q_bias: float, r: float) -> tuple[float, float]
 
 
 def filter_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> float:
-    """Largest error of the fused tilt against float64 that docs/explanation/accuracy.md, allows this set; at most 180.
+    """Bound of docs/explanation/accuracy.md for the error of the fused tilt against float64 with this set; at most 180.
 
     innovation_deg: the largest innovation of the run. Gains are those of the filter at rest with the largest R.
     """

@@ -1,8 +1,8 @@
 """Comparison with the integer model: the first step and signal at which a board, a file or another implementation
 differs.
 
-This is the only comparison in the package. A board over a link sends digests only: for the first digest that differs
-the words of that step are requested, and the first word that differs is reported.
+This is the only comparison in the package. A board over a link sends only digests: when a digest differs, the host
+requests the words of that step and reports the first word that differs.
 """
 
 from __future__ import annotations

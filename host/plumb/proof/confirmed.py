@@ -38,7 +38,8 @@ class Confirmation:
 
 
 def confirm(board: Board, name: str, seed: int = SEED, seconds: float | None = None) -> Iterator[Confirmation]:
-    """Every run of a system, as it is finished. seconds: limit for the length of each; None: the scenario's own."""
+    """Run everything of a system, and yield each result when it is ready. seconds: limit for the length of each run;
+    None: the scenario's own length."""
     system, native = systems.load(name), NativeBoard()
     own = {scenario: tuning_for(system, scenario) for scenario in system.SCENARIOS}
     default = system.DEFAULT_SCENARIO

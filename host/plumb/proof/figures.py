@@ -27,13 +27,13 @@ from plumb.spec.system_parts import Part
 Sense = Literal["at most", "at least", "near", "about", "beside", "shown"]
 """Kind of a target. near: within 5 %, for properties of a scenario; about: within 13 % of the source's rounded number,
 which is two standard deviations of a share of a drift whose mean over 40 seeds has a standard deviation of 6.3 %.
-beside, shown: no target. A row `beside` is needed to judge the rows above it and is also in the short table; a row
-`shown` is additional information."""
+beside, shown: no target. A row `beside` helps to judge the rows above it and is also in the short table; a row `shown`
+is additional information."""
 UNASKED = ("beside", "shown")
 
 SEEDS = range(1000, 1040)
 FLOAT_SEEDS = 40
-"""Closed loops in float64 take long: of so many seeds at most, which `paired` sets against the integers'."""
+"""Most seeds of closed loops in float64, because they take long; `paired` compares them with the integers'."""
 NEAR, ABOUT = 0.05, 0.13
 RED, PLAIN = "\x1b[31m", "\x1b[0m"
 
@@ -85,7 +85,7 @@ class Figure:
 
     @property
     def of_scenario(self) -> bool:
-        """True for a property of the scenario's own, which was stated for SEEDS: with other seeds it is another one."""
+        """True for a property of the scenario itself, which was stated for SEEDS: other seeds give another value."""
         return self.sense == "near"
 
     def to_json(self) -> dict[str, object]:
@@ -93,7 +93,7 @@ class Figure:
 
 
 def paired(ours: Sequence[float], ideal: Sequence[float]) -> float:
-    """The mean of float64 over all runs of `ours`, from the difference on the first runs, which both made."""
+    """Estimate of the float64 mean over all runs of `ours`, from the difference on the first runs, which both have."""
     apart = np.asarray(ideal, np.float64) - np.asarray(ours[: len(ideal)], np.float64)
     return float(np.mean(ours) + np.mean(apart))
 
@@ -107,7 +107,7 @@ class FigureSections(Protocol):
 
     @property
     def ASSUMED(self) -> tuple[str, ...]:
-        """What was assumed, and how it was measured, a sentence each."""
+        """The assumptions, and how each figure was measured, one sentence each."""
 
     @property
     def HEADLINE(self) -> tuple[str, str, str]:
@@ -115,8 +115,8 @@ class FigureSections(Protocol):
 
     @property
     def LIMITS(self) -> Limits:
-        """Limits of runs, those that the sections ask of the mean of their seeds; {}: none but the measured ones of the
-        file limits.toml."""
+        """Limits of runs that the sections require of the mean of their seeds; {}: only the measured limits of
+        limits.toml."""
 
     @property
     def PLOTS(self) -> Mapping[str, Callable[[], Sequence[Plot] | XyPlot]]:
@@ -136,7 +136,8 @@ def _part(name: str) -> FigureSections | None:
 
 def limits_of(system: str, scenario: str, tuning: str, loop: str, *, shorter: bool = False) -> Sequence[Limit]:
     """Limits of a run: those that the system declares, and the measured one where none of these is of the rms error.
-    loop: open or closed. shorter: for a run of less than the scenario's length, of which nothing was asked."""
+    loop: open or closed. shorter: for a run of less than the scenario's length, for which the sources require
+    nothing."""
     part = _part(system)
     asked = part.LIMITS.get((scenario, tuning, loop), ()) if part is not None and not shorter else ()
     if any(limit.metric == RMS for limit in asked):
@@ -153,8 +154,8 @@ def without_figures(names: Iterable[str]) -> list[str]:
 def compute(
     names: Iterable[str] = tuple(systems.SYSTEMS), seeds: Iterable[int] = SEEDS
 ) -> Iterator[tuple[str, Figure]]:
-    """Every row of these systems with the system's name, in order, as it is finished; sections run on all processor
-    cores."""
+    """Every row of these systems with the system's name, in order, as soon as it is ready; sections run on all
+    processor cores."""
     chosen = tuple(seeds)
     parts = [(name, part) for name in names if (part := _part(name)) is not None]
     tasks = [(name, section, chosen) for name, part in parts for section in part.SECTIONS]

@@ -39,8 +39,8 @@ def parse(text: str) -> GainChange:
 
 
 class GainChanges:
-    """Commits the changes of a run when their time has come. Raises UsageError at once for a name or a value that there
-    is not, and for a time after the run."""
+    """Commits the changes of a run at their times. Raises UsageError at once for an unknown name, an invalid value, or
+    a time after the run."""
 
     def __init__(self, session: Session, wanted: Sequence[GainChange], period_s: float, steps: int) -> None:
         table = by_name(session.read_parameters()) if wanted else {}
@@ -55,7 +55,7 @@ class GainChanges:
             self._waiting.append((step, values))
 
     def commit(self, step: int) -> None:
-        """Commit what is due at this step. Raises UsageError when the board does not take it."""
+        """Commit the changes that are due at this step. Raises UsageError when the board refuses one."""
         while self._waiting and self._waiting[0][0] <= step:
             _, values = self._waiting.pop(0)
             table = by_name(self._session.read_parameters())
@@ -63,8 +63,8 @@ class GainChanges:
 
 
 def changes_of(capture: Capture, params: ControlParams, steps: int) -> tuple[Changes, int | None]:
-    """The changes that the board announced in the run of so many steps, and the first step whose parameters are not
-    known, None where all are."""
+    """The changes that the board announced in a run of `steps` steps, and the first step whose parameters are unknown;
+    None where all are known."""
     found: list[Change] = []
     for change in capture.tables.changes:
         if change.step >= steps:

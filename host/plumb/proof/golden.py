@@ -39,7 +39,7 @@ __all__ = [
 WHOLE_BOARDS = ("fixed", "native", "qemu", "program")
 """Boards that run every vector of steps; the others run those marked `on_link`."""
 ASKED_BOARDS = ("fixed", "native", "program")
-"""Those that also answer for what is no step."""
+"""Boards that also run vectors of other kinds than steps."""
 
 
 TASK_BOARDS = {"retune": WHOLE_BOARDS, "plausibility": ASKED_BOARDS, "refusal": ASKED_BOARDS}
@@ -152,14 +152,14 @@ def cases_named(every: Sequence[Case], patterns: Sequence[str] | None) -> list[C
 
 
 def cases_for(board: str, every: Sequence[Case]) -> list[Case]:
-    """Those that a board takes, by its name: over a link only those marked for one, and of other kinds than steps
-    those that it can."""
+    """The cases that a board runs, by its name: over a link only those marked for one, and of kinds other than steps
+    only those that it supports."""
     kind = board.partition(":")[0]
     return [case for case in every if case.entry.on_link or kind in TASK_BOARDS.get(case.entry.kind, WHOLE_BOARDS)]
 
 
 def takes(name: BoardName, case: Case) -> bool:
-    """Whether a board that is not open yet takes the case, as `cases_for` of one that is."""
+    """As `cases_for`, for one case and a board that is not open yet."""
     kind = "program" if isinstance(name, ProgramName) else name.kind if isinstance(name, LocalBoard) else ""
     return bool(cases_for(kind, [case]))
 
@@ -178,7 +178,8 @@ def check(
 
 
 def check_each(board: Board, board_name: str, every: Sequence[Case]) -> Iterator[VectorResult]:
-    """The result of each vector that the board takes, as it is ready. board_name: as the user named the board."""
+    """The result of each vector that the board runs, as soon as it is ready. board_name: as the user named the
+    board."""
     for case in tqdm(cases_for(board.name, every), disable=None, leave=False, unit="vector", desc=board.name):
         yield check_vector(board, board_name, case)
 

@@ -17,14 +17,14 @@ from plumb.proof.golden_window import Window, window
 from plumb.proof.run_identity import identity, part_of, rows
 
 PLOTS_MAX = 12
-"""Of a board: for each the board runs the vector once more."""
+"""Most plots of a board: for each one the board runs the vector once more."""
 ADVICE = "choose another file for the report"
 
 
 @dataclass
 class Checks:
     """results: by board. windows: around first divergences. trouble: why the last board's check ended early. parts:
-    what ran the vectors, by board, as `run_identity.part_of` has it."""
+    identity of the boards that ran the vectors, by board, as from `run_identity.part_of`."""
 
     results: dict[str, Result] = field(default_factory=dict)
     parts: dict[str, dict[str, object]] = field(default_factory=dict)
@@ -56,7 +56,7 @@ class Checks:
 def check_boards(
     open_board: Callable[[str], Board], boards: Iterable[str], cases: Sequence[golden.Case], *, windows: bool = False
 ) -> Checks:
-    """Every board runs the cases that it takes. windows: also gather the steps around each first divergence.
+    """Every board runs the cases that it supports. windows: also gather the steps around each first divergence.
 
     Raises UsageError. A LinkError ends the check: it is the `trouble`, and the results until then are kept.
     """
@@ -93,7 +93,8 @@ def require_places(paths: Iterable[Path]) -> None:
 
 
 def write_reports(checks: Checks, junit_file: Path | None, page_file: Path | None, command: str = "") -> None:
-    """Both whole, or neither; None: not asked for. command: the command line, for the page."""
+    """Write both files completely, or none; None: this report was not requested. command: the command line, for the
+    page."""
     files: dict[Path, str | bytes] = {}
     if junit_file:
         files[junit_file] = junit(checks.results, checks.errors)

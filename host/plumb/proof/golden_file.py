@@ -17,7 +17,7 @@ A vector of another kind than steps has the format `plumb golden 4`, whose heade
 
 "params" are the parameter words that the system reads, "final" the words of the last step, by name. "on_link" marks the
 vectors that are also run over a link, where a step costs a frame. A vector has one form: a file with other bytes, for
-example a space more in its header, is refused, although it would mean the same.
+example an additional space in its header, is refused, even if its meaning is the same.
 """
 
 from __future__ import annotations
@@ -93,12 +93,12 @@ class Vector:
 
     @classmethod
     def read(cls, path: Path) -> Vector:
-        """Raises UsageError for a file that is no whole golden vector."""
+        """Raises UsageError for a file that is not a complete golden vector."""
         return cls.decode(read_bounded(path, MAX_FILE_BYTES), path)
 
     @classmethod
     def decode(cls, data: bytes, path: Path) -> Vector:
-        """From the bytes of a file; raises UsageError, with the path, when they are no whole golden vector."""
+        """From the bytes of a file; raises UsageError, with the path, when they are not a complete golden vector."""
         try:
             vector = cls._decode(data)
             if vector.encode() != data:

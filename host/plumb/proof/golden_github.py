@@ -28,7 +28,7 @@ def _relative(path: Path) -> str:
 
 
 def _data(text: str) -> str:
-    """What follows `::`: GitHub decodes these three."""
+    """Escape the text after `::`: GitHub decodes these three sequences."""
     plain = text.encode("utf-8", "backslashreplace").decode()
     return plain.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 

@@ -23,7 +23,7 @@ def _allowed(code: int) -> bool:
 
 
 def junit(results: Mapping[str, Result], errors: Mapping[str, str]) -> bytes:
-    """The document. results: by board. errors: board -> why its check ended early; a test case of its own each."""
+    """The document. results: by board. errors: board -> why its check ended early; each gets its own test case."""
     boards = list(dict.fromkeys([*results, *errors]))
     stamp = date_utc().removesuffix("Z")  # xs:dateTime without a zone is what the schema takes
     suites = ElementTree.Element("testsuites", name="plumb golden check")

@@ -16,7 +16,7 @@ from plumb.proof.xy_plot import Axis, Curve, XyPlot
 NEAR_STEPS = 5
 """Rows of the table before and after the step that differs first."""
 SMALL_SHARE = 1e-3
-"""Integers that spread over less than this share of their size are drawn from the least of them on."""
+"""When the span of the integers is less than this share of their size, the axis starts at the least of them."""
 MEANING = {
     "pass": "bit-exact: every step of every vector equals the integer model.",
     "fail": "not bit-exact: at least one step differs from the integer model.",
@@ -32,8 +32,8 @@ def page(
     parts: Mapping[str, Mapping[str, object]] | None = None,
     identity: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """The whole page. errors: board -> why its check ended early. parts: board -> what ran its steps, as
-    `run_identity.part_of` has it. identity: name and value of everything else that the check was made with."""
+    """The whole page. errors: board -> why its check ended early. parts: board -> its identity, as from
+    `run_identity.part_of`. identity: name and value of everything else that identifies the check."""
     body: list[XyPlot | Table] = [_boards_table(results, plotted=bool(windows))]
     for window in windows:
         body += [*plots(window), _near_table(window)]
@@ -53,7 +53,7 @@ def _boards_table(results: Mapping[str, Result], plotted: bool) -> Table:
 
 
 def _images_table(parts: Mapping[str, Mapping[str, object]]) -> list[Table]:
-    """A row for every board that runs an image, or says which commit its image is of; nothing where none does."""
+    """A row for every board that runs an image or reports the commit of its image; [] without such a board."""
     rows = []
     for board, part in parts.items():
         image, commit = part.get("image"), part.get("firmware_git_hash")
@@ -66,7 +66,7 @@ def _images_table(parts: Mapping[str, Mapping[str, object]]) -> list[Table]:
 
 
 def _vectors_table(results: Mapping[str, Result]) -> Table:
-    """A row for every vector, a column for every board; a dash where the board does not take the vector."""
+    """A row for every vector, a column for every board; a dash where the board does not run the vector."""
     found: dict[str, dict[str, VectorResult]] = {}
     for board, result in results.items():
         for row in result.rows:

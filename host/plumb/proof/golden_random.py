@@ -23,7 +23,7 @@ def random_bits(seed: int, count: int, stream: int = 0) -> UInt64Array:
 
 
 class Draw:
-    """The numbers one after the other."""
+    """A sequence of random numbers."""
 
     def __init__(self, seed: int) -> None:
         self._seed, self._stream = seed, 0

@@ -1,10 +1,11 @@
-"""Inputs and parameters that reach what no scenario does, for short golden vectors: `wild = "reach"` of a recipe.
+"""Inputs and parameters that reach code which no scenario reaches, for short golden vectors: `wild = "reach"` of a
+recipe.
 
 Both come from the seed alone. Parameters: those of the tuning, some of them moved to an end of their range, next to it,
 or to any size, as long as the words stay valid together. Counts: pieces of a few steps, at rest, at the rails, beside
 them, in ramps, with spikes, with steps that no sensor has, and with values that the calibration makes 0 or 1.
 
-The seeds of a recipe are chosen by what their vectors reach: which branches, and which mutants they kill.
+The seeds of a recipe are chosen by the branches that their vectors reach and the mutants that they kill.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from plumb.systems import run_fixed
 from plumb.tuning.quantise import ControlParams
 
 LIMIT = 7 << 28
-"""Of a calibrated value."""
+"""Limit of a calibrated value."""
 MISSING = -32768
 CALIBRATION = ("raw_min", "raw_max", "gain", "offset")
 MATRIX = tuple(f"{row}{column}_q30" for row in "xyz" for column in "xyz")
@@ -41,7 +42,8 @@ def reach(
 
 
 def moved(params: ControlParams, draw: Draw, kept: Set[str] = frozenset()) -> ControlParams:
-    """Other words of the groups that the system reads, one after the other, each kept when all are valid with it."""
+    """The parameters with changed words in the groups that the system reads. Words are changed one by one; a change
+    that makes the set invalid is dropped."""
     share = draw.of((0, 40, 40, 150, 400, 900))
     groups = declarations.system(params.system).all_groups
     rows = [row for row in parameters.table() if row.owner == "control" and row.group in groups]
@@ -74,7 +76,8 @@ def value_of(row: Parameter, now: int, draw: Draw) -> int:
 
 
 def _together(group: str, names: list[str], draw: Draw) -> dict[str, int]:
-    """Words of a group that only fit together: a calibration over its whole range of values, axes that are mapped."""
+    """Words of a group that must change together: a calibration over its whole range of values, axes that are
+    mapped."""
     own = {name.rpartition(".")[2] for name in names}
     if set(CALIBRATION) <= own:
         low, high = sorted((draw.below(65536) - 32768, draw.of((32767, -32768, 4095, 0))))
@@ -97,7 +100,7 @@ def _sign(x: int) -> int:
 
 
 class _Channel:
-    """Counts that matter for one channel: around the ends of its range, and where its value is 0, 1 or limited."""
+    """Interesting counts of one channel: around the ends of its range, and where its value is 0, 1 or limited."""
 
     def __init__(self, params: ControlParams, group: str) -> None:
         self.low, self.high, self.gain, self.offset = (
@@ -115,7 +118,7 @@ class _Channel:
         return self.worth(draw.of((0, 0, 1, -1)) << draw.of((20, 24, 25, 26, 26, 28, 30)), draw)
 
     def worth(self, value: int, draw: Draw) -> int:
-        """The count of a value, give or take one."""
+        """The count of a value, or a neighbouring one."""
         return (value - self.offset) // (self.gain or 1) + draw.below(3) - 1
 
 

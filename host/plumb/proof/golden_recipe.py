@@ -12,9 +12,9 @@ A folder of vectors has a recipe.toml, or NAME.recipe.toml of each system, as te
     steps       number of steps
     on_link     optional: also run over a link
     kind        optional: retune, plausibility or refusal in place of step: see plumb.proof.golden_tasks
-    reaches     optional: why the vector is there, for the reader
+    reaches     optional: the purpose of the vector, for the reader
 
-A name is lower-case letters, digits and underscores, so that it cannot lead out of the folder. Everything a recipe says
+A name is lower-case letters, digits and underscores, so that it cannot lead out of the folder. Every field of a recipe
 is checked before it is used: a wrong recipe is a UsageError.
 """
 
@@ -106,8 +106,8 @@ def _spin(seed: int, steps: int, inputs: int = COUNTS_LEAST) -> tuple[npt.NDArra
 
 
 def _poses(seed: int, steps: int, inputs: int = COUNTS_LEAST) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """A body at rest that stands on one of its six sides after the other, each for up to 500 steps, without turning,
-    and feels 1, 0.5 or 1.5 g; no sample in the first five steps. Setpoints of nothing and of 2^15 - 1."""
+    """A body at rest on each of its six sides in turn, for up to 500 steps each and without rotation in between, under
+    1, 0.5 or 1.5 g; no sample in the first five steps. Setpoints of 0 and of 2^15 - 1."""
     raw = np.zeros((steps, inputs), np.int64)
     pose = _held(_counts(seed, steps, 1) % 18, seed, 500)[:, 0]
     side, felt = pose % 6, np.array([2048, 1024, 3072])[pose // 6]
@@ -151,7 +151,7 @@ class Entry:
         return self.inputs()[0]
 
     def inputs(self) -> tuple[ControlParams, RawCounts, Setpoints]:
-        """Parameters, raw counts (steps, 6) and setpoints (steps,); raises UsageError for a recipe that cannot be."""
+        """Parameters, raw counts (steps, 6) and setpoints (steps,); raises UsageError for an impossible recipe."""
         try:
             return self._inputs()
         except (TypeError, ValueError, AttributeError, ArithmeticError, LookupError) as error:
@@ -183,18 +183,18 @@ class Entry:
         return self._exact(quantise(fitted(run, tuning))), raw, setpoint
 
     def task(self) -> Task | None:
-        """What it asks of a board beside steps; None: nothing."""
+        """The task of a vector of another kind than steps; None for steps."""
         return None if self.kind == "step" else task_of(self.kind, self.seed, *self.inputs())
 
     def _exact(self, params: ControlParams) -> ControlParams:
-        """With the recipe's own words."""
+        """The parameters with the words that the recipe sets."""
         if not self.words:
             return params
         return ControlParams.of(params.system, {**params.own(), **self.words}, params.lsb_deg2)
 
 
 def _within_limits(declared: System, raw: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """The inputs with commands that a board takes, and 0 behind them."""
+    """The inputs with commands limited to the ranges that a board accepts, and 0 in unused words."""
     if not declared.step_commands:
         return raw[:, : declared.counts]
     rows = [
@@ -241,7 +241,7 @@ def read(folder: Path, only: Sequence[str] | None = None) -> list[Entry]:
 
 
 def read_file(path: Path) -> list[Entry]:
-    """The entries of one recipe; raises UsageError for one that is wrong."""
+    """The entries of one recipe; raises UsageError for a wrong recipe."""
     text = read_text(path, MAX_BYTES, "give a folder with the recipe of its golden vectors")
     try:
         tables = toml_text.parse(text).get("vector")

@@ -1,4 +1,4 @@
-"""What a check of golden vectors found: for each vector, and for a board over all of them."""
+"""Results of a check of golden vectors: for each vector, and for a board over all of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def bit_exact(verdict: str) -> bool | None:
 
 @dataclass(frozen=True)
 class VectorResult:
-    """What a board made of one golden vector.
+    """Result of one golden vector on a board.
 
     Attributes:
         vector: Name of the vector.
@@ -77,7 +77,8 @@ class VectorResult:
 
 @dataclass
 class Result:
-    """One board over all its vectors. unverified_from: vector and step from which on answers were lost, the first."""
+    """One board over all its vectors. unverified_from: first vector and step whose answer was
+    lost."""
 
     vectors: int = 0
     steps: int = 0

@@ -27,7 +27,7 @@ def _difference(before: ControlParams, after: ControlParams) -> dict[str, int]:
 
 
 def task_of_fields(header: Mapping[str, Any], params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Task:
-    """Raises ValueError for fields that are no task."""
+    """The task of these header fields; raises ValueError when they are not a task."""
     kind, given, tables = header["kind"], header["changes"], header["tables"]
     if kind not in KINDS or not isinstance(given, list) or not isinstance(tables, list):
         raise ValueError("its kind, changes or tables are not valid")

@@ -1,9 +1,9 @@
 """Golden vectors of other kinds than steps (plumb.systems.tasks), from an entry of the recipe: `kind = "refusal"`.
 
 retune        live parameters change at a few steps, each to an end of its range, next to it, or to any size
-plausibility  the counts of the entry; what the checks know after each step
-refusal       tables of parameters at both sides of every limit of the core, found by halving the distance between
-              a word that is taken and the end of its type; then tables with one or two words anywhere
+plausibility  the counts of the entry; the state of the checks after each step
+refusal       tables of parameters at both sides of every limit of the core, found by bisection between an accepted
+              word and the end of its type; then tables with one or two words of any value
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from plumb.systems.tasks import Task
 from plumb.tuning.quantise import Change, ControlParams
 
 CHANGES = 8
-"""Of a retune."""
+"""Number of changes in a retune."""
 
 
 def task_of(kind: str, seed: int, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Task:
@@ -39,7 +39,7 @@ def task_of(kind: str, seed: int, params: ControlParams, raw: RawCounts, setpoin
 
 
 def own_rows(params: ControlParams) -> list[Parameter]:
-    """Those of the groups that the system reads."""
+    """The parameters of the groups that the system reads."""
     return _rows_of(params.system)
 
 
@@ -65,7 +65,7 @@ def _with(params: ControlParams, words: dict[str, int]) -> ControlParams:
 
 
 def type_range(row: Parameter) -> tuple[int, int]:
-    """What a word of the row's type holds."""
+    """The range of the row's type."""
     return (-(1 << 31), (1 << 31) - 1) if row.type == "int32" else (0, (1 << 32) - 1)
 
 
@@ -87,7 +87,7 @@ def _tables(params: ControlParams, draw: Draw, count: int) -> tuple[ControlParam
 
 
 def _beside_limit(params: ControlParams, row: Parameter, end: int) -> Iterator[ControlParams]:
-    """The last table that is taken on the way to the end, and the first that is not."""
+    """The last accepted table on the way to the end, and the first refused one."""
     good, bad = params[row.name], end
     if run_fixed.params_valid(_with(params, {row.name: end})):
         yield _with(params, {row.name: end})

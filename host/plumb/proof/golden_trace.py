@@ -1,8 +1,8 @@
 """Trace a vector that a board fails to the step and signal at which they first differ.
 
-The integer model runs again, and the board where it gave digests alone. Where the model itself no longer repeats the
-file, the C core may: then its words are the right ones, so that a mismatch of `fixed` has a signal, too. Where neither
-does, the file is wrong, and its recipe says which number was changed.
+The integer model runs again, and so does a board that gave only digests. When the model no longer agrees with the file,
+but the C core does, the words of the C core are taken as right, so that a mismatch of `fixed` is traced to a signal,
+too. When neither agrees, the file is wrong, and its recipe shows which number was changed.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def _of(vector: Vector, found: Divergence | None, in_file: bool = False) -> Dive
 
 
 def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
-    """Every digest is right: so must be the words that came with them, and the final words of the file."""
+    """Every digest is right: compare the words that came with them, and the final words of the file."""
     words: Words | None = answer.words
     if words is None:
         return None
@@ -80,7 +80,7 @@ def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
 
 
 def _first_in_file(entry: Entry, vector: Vector, model: Words, step: int) -> Divergence | None:
-    """The file disagrees with the model on its own inputs: what its recipe gives shows which number was changed.
+    """The file disagrees with the model on its own inputs: the inputs from its recipe show which number was changed.
 
     Every record begins with the raw counts and the setpoint as given: an input that was changed is its first signal.
     """

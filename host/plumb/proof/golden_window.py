@@ -1,4 +1,4 @@
-"""The steps around a first divergence: the signal that diverged, as the model has it and as the board has it."""
+"""The steps around a first divergence: the signal that diverged, from the model and from the board."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from plumb.spec.records import Words
 from plumb.systems import run_fixed
 
 AROUND_STEPS = 50
-"""Shown before and after the step that differs first."""
+"""Steps shown before and after the step that differs first."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Window:
 
     @property
     def end(self) -> int:
-        """One behind the last step."""
+        """The step after the last one."""
         return self.first + len(self.expected)
 
 
 def window(board: Board, board_name: str, vector: Vector, result: VectorResult) -> Window | None:
-    """Runs the board again up to a little after the difference. None without a difference of the board: its answers
-    were lost, the vector's file is wrong, or it is no vector of steps."""
+    """Runs the board again up to a little after the difference. None when the board does not differ: its answers
+    were lost, the vector's file is wrong, or it is not a vector of steps."""
     found = result.first_divergence
     if found is None or found.in_file or vector.task is not None:
         return None

@@ -8,12 +8,13 @@ from plumb.spec.arrays import FloatArray
 
 RESAMPLES = 2000
 BLOCKS = 10_000
-"""Runs that a resampling draws from; of more, means of equal stretches."""
+"""Most values that a resampling draws from; more runs are first averaged in groups of equal size."""
 LOW, HIGH = 2.5, 97.5
 
 
 def of_mean(values: FloatArray) -> tuple[float, float]:
-    """The interval of the mean, values (runs,). The generator is its own: the same values give the same interval."""
+    """The interval of the mean, values (runs,). It has its own random generator: the same values give the same
+    interval."""
     blocks = values
     if len(values) > BLOCKS:
         whole = len(values) // BLOCKS * BLOCKS

@@ -1,9 +1,9 @@
 """Accuracy limits of the systems' runs, and whether a run keeps them.
 
-Bits and accuracy are two questions. The verdict of a run says whether every step equals the integer model; an estimate
-far from the truth passes, too, when the model makes the same. A limit says how far from the truth is allowed. What the
-sources ask of a system is declared in its `figures.py`; the limits of all other scenarios and tunings are measured and
-stand in its `limits.toml` (tools/gen_limits.py).
+Bits and accuracy are two questions. The verdict of a run says whether every step equals the integer model: an estimate
+far from the truth passes, too, when the model computes the same. A limit says how far from the truth is allowed. The
+requirements of the sources are declared in the system's `figures.py`; the limits of all other scenarios and tunings are
+measured and stand in its `limits.toml` (tools/gen_limits.py).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from plumb.spec import declarations
 
 FILE = "limits.toml"
 SEEDS = range(1000, 1040)
-"""Of the measured limits. Tunings were fitted on seeds 0-19."""
+"""Seeds of the measured limits. Tunings were fitted on seeds 0-19."""
 MARGIN = 1.5
-"""Of a measured limit over the worst of these seeds: the errors of single runs scatter."""
+"""Factor of a measured limit over the worst of these seeds, because the errors of single runs scatter."""
 BASIS = "1.5 times the worst of seeds 1000 to 1039"
 ASKED_OF_MEAN = "asked of the mean of 40 seeds, a single run may miss it"
 RMS = "angle_rmse_deg"
@@ -42,7 +42,7 @@ class Limit:
         return reached <= self.value if self.sense == "at most" else reached >= self.value
 
     def beside(self, reached: float) -> str:
-        """The limit in words, with the figure where it is not the rms error, which is said before."""
+        """The limit in words, with the figure unless it is the rms error, which the text already has."""
         limit = f"{self.sense} {self.value:g} {self.unit}"
         return f"{limit} rms" if self.metric == RMS else f"{self.metric} {reached:.4g} {self.unit}, {limit}"
 
@@ -75,7 +75,7 @@ def measured(system: str, scenario: str, tuning: str, loop: str, *, shorter: boo
 
 @dataclass(frozen=True)
 class Accuracy:
-    """verdict: pass, fail, or None where there is no limit or nothing is to be scored. text: the same in words."""
+    """verdict: pass, fail, or None where there is no limit or no score. text: the same in words."""
 
     verdict: str | None
     limits: Sequence[Mapping[str, object]]
@@ -88,8 +88,8 @@ class Accuracy:
 def judged(
     metrics: Mapping[str, float | int | None], limits: Sequence[Limit], why_none: str = "", note: str = ""
 ) -> Accuracy:
-    """Metrics of a run against limits. why_none: reason that there are none. note: what a reader has to know of the
-    limits."""
+    """Metrics of a run against limits. why_none: reason that there are none. note: a remark on the limits
+    for the reader."""
     rms = metrics.get(RMS)
     reached = "no truth to compare with" if rms is None else f"{rms:.3g} deg rms"
     scored = [(limit, value) for limit in limits if (value := metrics.get(limit.metric)) is not None]

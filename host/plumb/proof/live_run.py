@@ -34,9 +34,9 @@ def run_live(
     gains: Sequence[GainChange] = (),
 ) -> Run:
     """Arm, run the scenario in real time on the board's own sensors, disarm, and compare the streamed steps with the
-    model. gains: changes on the way, while the board is armed, which the model follows.
+    model. gains: changes during the run, while the board is armed; the model follows them.
 
-    Raises UsageError when the board does not take a change, LinkError when it disarms itself or falls silent during the
+    Raises UsageError when the board refuses a change, LinkError when it disarms itself or falls silent during the
     run.
     """
     from tqdm import tqdm

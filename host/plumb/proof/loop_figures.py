@@ -1,4 +1,4 @@
-"""Rows of the table of figures for closed loops: margins worked out from the models, and identified on the flash image.
+"""Rows of the table of figures for closed loops: margins computed from the models, and identified on the flash image.
 
 loops.py of a system gives the models' margins. margins.toml in its folder has the identified ones: tools/gen_margins.py
 writes it, from the test of `plumb tune pid --board virtual --live`.
@@ -20,7 +20,7 @@ FILE = "margins.toml"
 
 @dataclass(frozen=True)
 class LeastMargins:
-    """What a loop must have: phase in deg, gain in dB upwards and downwards, further delay in s."""
+    """Required margins of a loop: phase in deg, gain in dB upwards and downwards, further delay in s."""
 
     phase_deg: float
     gain_db: float

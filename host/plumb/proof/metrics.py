@@ -25,7 +25,7 @@ def wrap_deg(angle_deg: npt.ArrayLike) -> FloatArray:
 
 def two_sigma(variance_lsb: npt.ArrayLike, lsb: float) -> FloatArray:
     """Twice the standard deviation that the filter itself states, any shape. variance_lsb: its variance after the step;
-    lsb: one of it in the square of the result's unit, of an angle's p00 `ControlParams.lsb_deg2`."""
+    lsb: one lsb of it in the square of the result's unit; for an angle's p00 `ControlParams.lsb_deg2`."""
     return np.asarray(2.0 * np.sqrt(np.maximum(np.asarray(variance_lsb, np.float64), 0.0) * lsb))
 
 
@@ -85,7 +85,7 @@ def accel_only_deg(accel_y_g: FloatArray, accel_z_g: FloatArray) -> FloatArray:
 def accel_only_rmse_deg(
     accel_y_g: FloatArray, accel_z_g: FloatArray, truth_deg: FloatArray, window: BoolArray
 ) -> FloatArray:
-    """Root mean square error of the accelerometer alone: the figure that every filter has to beat."""
+    """Root mean square error of the accelerometer alone: every filter must be better."""
     return angle_rmse_deg(accel_only_deg(accel_y_g, accel_z_g), truth_deg, window)
 
 
@@ -99,7 +99,7 @@ def gyro_only_deg(rate_dps: FloatArray, period_s: float, start_deg: FloatArray, 
 
 @dataclass(frozen=True)
 class Convergence:
-    """time_s: from the start until |bias error| < 1 deg/s for good, infinite if never; angle_max_deg from then on."""
+    """time_s: from the start until |bias error| stays below 1 deg/s, infinite if never; angle_max_deg from then on."""
 
     time_s: float
     angle_max_deg: float

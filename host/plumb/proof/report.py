@@ -46,12 +46,12 @@ __all__ = [
 ]  # fmt: skip
 
 SAMPLES_MAX = 30_000
-"""Samples of a line that the page contains for zooming: all of them up to 60 s at 500 Hz. Of longer runs it has the
+"""Most samples of a line in the page, for zooming: all of them up to 60 s at 500 Hz. For longer runs the page has the
 least and the greatest value of each equal stretch, so that no spike is lost, and says so."""
 
 
 def error_budget(time_s: Series, apart_deg: Series) -> Plot:
-    """Panel of the arithmetic error, the last one of every report; apart_deg: integers minus float64 on the same
+    """Panel of the arithmetic error, the last panel of every report; apart_deg: integers minus float64 on the same
     counts."""
     return Plot(
         "Error budget: integers against float64",
@@ -63,7 +63,7 @@ def error_budget(time_s: Series, apart_deg: Series) -> Plot:
 
 
 MANY_COLUMNS = 3
-"""Tables of more keep their words whole and scroll on a narrow screen; in others a long word is broken."""
+"""Tables with more columns do not break words, and scroll on a narrow screen; other tables break long words."""
 
 TWO_SIGMA = (
     "The band is two standard deviations of the filter's own variance to either side: where its model of noise and "
@@ -72,8 +72,8 @@ TWO_SIGMA = (
 
 
 def of_band(offset_g: float) -> str:
-    """What the band of a tilt is. offset_g: the standard deviation of the accelerometer's offset that it includes, in
-    g."""
+    """Note that explains the band of a tilt. offset_g: the standard deviation of the accelerometer's offset that it
+    includes, in g."""
     offset_deg = float(np.degrees(offset_g))
     return (
         f"{TWO_SIGMA} It includes the offset that is declared for the accelerometer, {1e3 * offset_g:.3g} mg or "
@@ -93,7 +93,7 @@ def error_and_band(time_s: Series, error_deg: Series, band_deg: Series, offset_g
 
 @dataclass(frozen=True)
 class Table:
-    """bad_rows: indices of rows that stand out. folded: shown when the reader opens it; on paper it stays away."""
+    """bad_rows: indices of rows that stand out. folded: shown when the reader opens it, and never printed."""
 
     title: str
     head: Sequence[str]
@@ -105,7 +105,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Statement:
-    """One thing that the page claims of the run: of what, in words, and whether it is good (None: nobody knows)."""
+    """One statement of the page about the run: its subject, the text, and whether it is good (None: unknown)."""
 
     of: str
     text: str
@@ -130,7 +130,7 @@ def table_html(table: Table) -> str:
 
 
 def packed(values: npt.NDArray[np.float64]) -> str:
-    """Little-endian float32, base64: what report.js reads."""
+    """Little-endian float32 in base64, the format that report.js reads."""
     return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
 
 
@@ -235,7 +235,8 @@ def page(
 
 
 def write_whole(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write the files, or leave what was there: all are written beside their places before the first one moves in."""
+    """Write all files, or keep the old ones: each is written beside its place before the first one replaces its old
+    file."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

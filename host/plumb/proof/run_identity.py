@@ -1,4 +1,4 @@
-"""Identity of a run: what it was made with, so that a report can be traced and repeated.
+"""Identity of a run: software, board, image and parameters, so that a report can be traced and repeated.
 
 The date is that of SOURCE_DATE_EPOCH (seconds since 1970, UTC) where the environment sets it, so that two runs of one
 command line give the same bytes.
@@ -31,7 +31,7 @@ from plumb.version import installed
 
 DATE_VARIABLE = "SOURCE_DATE_EPOCH"
 _COMPILER = re.compile(rb"GCC: \([^)\0]*\) [\w.+-]+|clang version [\w.+~-]+")
-"""What compilers write into the section .comment of an ELF file."""
+"""Compiler names in the section .comment of an ELF file."""
 
 
 def date_utc() -> str:
@@ -63,7 +63,7 @@ def image_of(path: Path, data: bytes | None = None) -> dict[str, object]:
 
 
 def part_of(board: Board) -> dict[str, object]:
-    """What ran the steps: the board, the image, and what the board says of itself; {} parts are not known."""
+    """Identity of the board that ran the steps, its image, and its own report; {} where a part is unknown."""
     found: dict[str, object] = {"board": board.name}
     if isinstance(board, NativeBoard):
         from plumb.boards.native_core import core_path
@@ -86,7 +86,7 @@ def part_of(board: Board) -> dict[str, object]:
 
 
 def parameters_of(params: ControlParams) -> dict[str, object]:
-    """Every parameter that the system reads: the word, and its value and unit where its format tells them."""
+    """Every parameter that the system reads: the word, and its value and unit where its format defines them."""
     rows = {row.name: row for row in parameters.table()}
     values = {name: row.default for name, row in rows.items()} | params.values
     found: dict[str, object] = {}

@@ -86,7 +86,7 @@ def write_run(
 
 
 def require_writable(folder: Path) -> None:
-    """Raises UsageError unless `write_run` can write into the folder: to be asked before a run that takes long."""
+    """Raises UsageError unless `write_run` can write into the folder; call it before a long run."""
     for name in FILES:
         whole_files.require_writable(folder / name, "choose another folder with --out")
 

@@ -73,9 +73,9 @@ class Run:
     answer: Answer
     divergence: Divergence | None
     part: Mapping[str, object] = field(default_factory=dict)
-    """What ran the steps, as `plumb.proof.run_identity.part_of` says; {}: not known."""
+    """Identity of the board, as from `plumb.proof.run_identity.part_of`; {}: unknown."""
     changes: Changes = ()
-    """Of the parameters, in the middle of the run."""
+    """Changes of the parameters during the run."""
 
     @property
     def system(self) -> str:
@@ -119,7 +119,7 @@ class Run:
         return limits.judged(self.metrics(), declared, note=", ".join(notes))
 
     def statements(self, heading: Mapping[str, object]) -> list[Statement]:
-        """What the verdict means, and what it does not: bits, then accuracy."""
+        """The meaning of the verdict in words: bits, then accuracy."""
         steps, differ, lost = len(self.inputs.raw), self.mismatches, self.answer.unverified_from
         if differ:
             bits = f"{differ} of {steps} steps differ from the model"
@@ -157,8 +157,8 @@ class Run:
 
 
 def open_loop(board: Board, inputs: RunInputs, params: ControlParams, changes: Changes = ()) -> Run:
-    """Run these inputs in lockstep. changes: of the parameters, on their way; a board that does not take them in
-    lockstep runs them in real time if it keeps time with the host, else the steps before the first one."""
+    """Run these inputs in lockstep. changes: of the parameters during the run; a board that does not accept them in
+    lockstep runs in real time if it is a `KeepsTime`, else it runs only the steps before the first change."""
     if not changes:
         return judge(board, inputs, params, board.run_injected(params, inputs.raw, inputs.setpoint))
     if isinstance(board, ChangesParameters):
@@ -169,7 +169,7 @@ def open_loop(board: Board, inputs: RunInputs, params: ControlParams, changes: C
 
 
 def _across_changes(board: Board, inputs: RunInputs, params: ControlParams, changes: Changes) -> Answer:
-    """The answer of a board that takes no other parameters in lockstep: at least that to the steps before the first."""
+    """The answer of a board that accepts no changes in lockstep: at least to the steps before the first change."""
     first, why = changes[0].step, f"{board.name} takes no other parameters in lockstep; native, fixed and qemu do"
     if isinstance(board, KeepsTime):
         answer = board.run_paced(params, changes, inputs.raw, inputs.setpoint)
@@ -190,7 +190,7 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
 def closed_loop_inputs(
     board: Board, scenario: Scenario, params: ControlParams, *, progress: bool = True
 ) -> tuple[RunInputs, Answer]:
-    """What the plant gave in a closed loop, and what the board answered. progress: shown on a terminal."""
+    """The inputs from the plant in a closed loop, and the answer of the board. progress: shown on a terminal."""
     from tqdm import tqdm
 
     plant, stepper = systems.load(params.system).plant(scenario), board.stepper(params)
@@ -235,8 +235,8 @@ def judge(board: Board | None, inputs: RunInputs, params: ControlParams, answer:
 
 
 def _reference(inputs: RunInputs, params: ControlParams, changes: Changes) -> dict[str, FloatArray]:
-    """Results of the float64 reference. It does not follow a change of the gains: what depends on them, that is,
-    differs between the tables of the run, is not known from the first change on."""
+    """Results of the float64 reference. It does not follow changes of the gains: results that depend on them, because
+    they differ between the tables of the run, are unknown from the first change on."""
     ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
     tables = {tuple(change.params.words()): change.params for change in changes}
     for table in tables.values():

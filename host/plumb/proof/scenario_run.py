@@ -27,11 +27,10 @@ class RunRequest:
     """Request for a run.
 
     scenario, tuning: names of the system's lists; None: the default scenario, and the scenario's tuning; the tuning may
-    be an object, too. The period is that of the tuning. start: a
-    start-up mode of the filter instead of the tuning's. seconds: length; None: the scenario's own. faults:
-    KIND[:WHAT]@START[-STOP] each. conditions: NAME=NUMBER each. open_loop: prescribed motion, the outputs move nothing.
-    live: the virtual board samples its own sensors by its own timer. changes: of gains in a live run, each
-    SECONDS:NAME=VALUE. link, image: of board `virtual`.
+    be an object, too. The period is that of the tuning. start: a start-up mode of the filter instead of the tuning's.
+    seconds: length; None: the scenario's own. faults: KIND[:WHAT]@START[-STOP] each. conditions: NAME=NUMBER each.
+    open_loop: prescribed motion, the outputs move nothing. live: the virtual board samples its own sensors by its own
+    timer. changes: of gains in a live run, each SECONDS:NAME=VALUE. link, image: of board `virtual`.
     """
 
     system: str
@@ -74,7 +73,7 @@ class ScenarioRun:
 
 
 def check(request: RunRequest) -> None:
-    """Raises UsageError for what is wrong in a request whatever the board: a name that the system does not have."""
+    """Raises UsageError for errors in a request that no board accepts, such as a name that the system does not have."""
     from plumb.proof import gain_changes
 
     system = systems.load(request.system)
@@ -156,7 +155,7 @@ def draw(request: RunRequest) -> Drawn:
 
 @lru_cache(maxsize=4)
 def _quantised(tuning: Hashable) -> ControlParams:
-    """The parameters of a tuning, which the runs of a campaign share."""
+    """The parameters of a tuning, cached for the runs of a campaign."""
     return quantise(cast(AnyTuning, tuning))
 
 
@@ -179,7 +178,7 @@ def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlP
 
 
 OWN = "own"
-"""What a summary calls a tuning, or a scenario, that the caller gave as an object."""
+"""Name in a summary for a tuning or scenario that the caller gave as an object."""
 
 
 def tuning_of(system: str, tuning: str | AnyTuning | None) -> tuple[str, AnyTuning]:

@@ -3,7 +3,7 @@
 When a digest differs and no frame was lost, the board is wrong: the run ends and is repeated in lockstep with every
 word of that step selected, which gives the first word that differs. After a lost frame the verdict is "unverified" from
 there on: neither pass nor fail. Parameters that are committed during the run are given to the model at the step that
-the board names; a table that nobody has shown is read from the board (`plumb.link.used_tables`).
+the board names; a table that the host does not know is read from the board (`plumb.link.used_tables`).
 """
 
 from __future__ import annotations

@@ -19,11 +19,12 @@ import numpy.typing as npt
 Series = npt.NDArray[np.float64] | npt.NDArray[np.float32]
 
 TRUTH, SENSOR, ESTIMATE, SECOND = "#1d2430", "#b08600", "#2a5ca8", "#b3261e"
-"""Colours of the lines: one meaning each on every page. A page in dark mode has lighter ones of the same names."""
+"""Colours of the lines, each with one meaning on every page. A page in dark mode has lighter colours of the same
+names."""
 _NAMES = {TRUTH: "truth", SENSOR: "sensor", ESTIMATE: "estimate", SECOND: "second"}
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 1056, 250, 76, 12, 10, 42
-"""Of a panel and its margins, pixels. report.js has the same numbers."""
+"""Size of a panel and its margins, pixels. report.js has the same numbers."""
 COLUMNS = WIDTH - LEFT - RIGHT
 TITLE = 24
 """Height of a panel's title and legend where they are part of the drawing, pixels."""
@@ -79,7 +80,7 @@ def kept(values: Series, most: int) -> npt.NDArray[np.intp]:
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """Round numbers from low to high, 1, 2 or 5 times a power of ten apart, at most about `most` intervals."""
+    """Round numbers from low to high, spaced by 1, 2 or 5 times a power of ten, in at most about `most` intervals."""
     rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= rough * (1.0 - 1e-9))
@@ -97,7 +98,7 @@ def tick_text(value: float, step: float) -> str:
 
 
 def value_range(lines: Sequence[Line]) -> tuple[float, float]:
-    """Ends of the axis of values: all lines, and of their bands what BAND_SHARE leaves, with a margin of 4 %."""
+    """Ends of the axis of values: all lines, their bands up to BAND_SHARE, and a margin of 4 %."""
     finite = [line.values[np.isfinite(line.values)] for line in lines]
     if not any(values.size for values in finite):
         return -1.0, 1.0
@@ -213,7 +214,7 @@ STYLE = (
     ".lines path{vector-effect:non-scaling-stroke;stroke-linejoin:round}"
     ".lines .band{stroke:none;fill-opacity:.18}"
 )
-"""Of a panel, in a page and alone."""
+"""Style of a panel, in a page and alone."""
 
 
 def plot_svg(*plots: Plot) -> str:

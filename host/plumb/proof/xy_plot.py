@@ -1,7 +1,7 @@
 """Draw curves over any quantity, on linear or logarithmic axes, as SVG: Allan plots, Bode plots, correlations.
 
-Plots over time are those of svg_plot, which the reader can zoom; these stand still. Margins, colours and text are the
-same.
+svg_plot draws plots over time, which the reader can zoom; the plots of this module are static. Margins, colours and
+text are the same.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ HEIGHT = 330
 DOT = 2.5
 """Radius of a point, pixels."""
 LETTER, LINE = 6.6, 13.0
-"""Room of a letter, and of a line, of the names of points, pixels."""
+"""Width of a letter and height of a line in the names of points, pixels."""
 MINOR_DECADES = 3
-"""Logarithmic axes of at most so many decades have ticks at 2 and 5, too."""
+"""Logarithmic axes of at most this many decades have ticks at 2 and 5, too."""
 
 
 @dataclass(frozen=True)
@@ -182,8 +182,8 @@ def _curve(curve: Curve, x: _Scale, y: _Scale) -> str:
 
 
 def _names(curve: Curve, x: _Scale, y: _Scale) -> str:
-    """The names of the points, to the right of them, or to the left near the right edge; lower where one would lie on
-    another."""
+    """The names of the points, to the right of them, or to the left near the right edge; moved down where names would
+    overlap."""
     said: list[str] = []
     taken: list[tuple[float, float, float]] = []
     for across, down, name in sorted(zip(x(curve.x), y(curve.y), curve.names, strict=False), key=lambda one: one[1]):
@@ -209,7 +209,7 @@ def plot_svg(plot: XyPlot) -> str:
 
 
 def _legend(plot: XyPlot) -> str:
-    """What the curves are, in their colours, right of the title; "" for one curve, and where points have names."""
+    """The labels of the curves in their colours, right of the title; "" for one curve, and where points have names."""
     if len(plot.curves) < 2 or any(curve.names for curve in plot.curves):
         return ""
     said = "".join(

@@ -145,8 +145,8 @@ def pid_step(c: PidState, p: Params, error: Integer, rate: Integer, group: str =
 
 
 def pid_retune(c: PidState, old: Params, new: Params, group: str = "pid") -> None:
-    """Other gains from the next step on, without a jump: at the last error and rate the demand stays as it was, because
-    the integral takes the difference. It stays as it is where ki dt is 0."""
+    """Other gains from the next step on, without a jump: at the last error and rate the demand keeps its value, because
+    the integral takes up the difference. The integral does not change where ki dt is 0."""
     moved = pid_direct(c, old, group) - pid_direct(c, new, group)
     high = clamp((c.integral_q54 >> 32) + moved, -(1 << 23), (1 << 23) - 1)
     keeps = new[f"{group}.ki_dt_q22"] == 0
@@ -154,6 +154,6 @@ def pid_retune(c: PidState, old: Params, new: Params, group: str = "pid") -> Non
 
 
 def pid_direct(c: PidState, p: Params, group: str) -> Integer:
-    """What a step adds to the integral at the last error and rate: the P and D terms, Q22."""
+    """The P and D terms at the last error and rate, Q22, which a step adds to the integral."""
     proportional = (c.error_turn_q32 * p[f"{group}.kp_q22"]) >> 32
     return proportional - ((c.rate_filtered_turnps_q27 * p[f"{group}.kd_q27"]) >> 32)

@@ -6,7 +6,7 @@ from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.integers import Integer, clamp, select
 
 LIMIT = 7 << 28
-"""Of every calibrated value: 7 turn/s, 28 g."""
+"""Limit of every calibrated value: 7 turn/s, 28 g."""
 ONE_Q30 = 1 << 30
 NAMES = tuple(f"{row}{column}_q30" for row in "xyz" for column in "xyz")
 """Parameters of the group, in their order: body axis, sensor axis."""
@@ -25,7 +25,7 @@ def mount(p: Params, group: str, v: tuple[Integer, Integer, Integer]) -> tuple[l
 
 
 def valid(p: Params, group: str) -> bool:
-    """As the firmware checks it when parameters are committed; p: one set."""
+    """Whether the firmware would accept this mounting at a commit; p: one set."""
     m = [[int(p[f"{group}.{row}{column}_q30"]) for column in "xyz"] for row in "xyz"]
     if any(sum(abs(entry) for entry in row) >= 2 * ONE_Q30 for row in m):
         return False

@@ -1,5 +1,5 @@
 """Plausibility of the sensors and readiness for arming in integers, written from docs/explanation/sensors.md and
-docs/reference/arithmetic/plausibility.md: what plumb_plausibility_step computes from the record of a step."""
+docs/reference/arithmetic/plausibility.md: the results of plumb_plausibility_step for the record of a step."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from plumb.kernels.integers import clamp, wrap_i32
 ACCEL, INNOVATION, RATE = 1, 2, 4
 SETTLING, MOVING, CONVERGING, SETPOINT, TILTED = 1, 2, 4, 8, 16
 ANGLE_MAX = 178956971
-"""15 deg, turn Q32: of the innovation, and of the mismatch."""
+"""15 deg, turn Q32: limit of the innovation, and of the mismatch."""
 CENTRED_MAX = 35791394
 """3 deg, turn Q32."""
 QUARTER_TURN = 1 << 30
@@ -24,9 +24,9 @@ def _time_q33(ms: int) -> int:
 
 
 class Bounds(NamedTuple):
-    """What is plausible for a system. setpoint, accel: names of words of its record; *_g2_q20: squared acceleration,
-    g^2 Q20; rest_turnps_q28, uneven_turn_q32, ready_turn_q32: of the mean rate at
-    rest, of the mean difference of a step's turn, and of the tilt at which it may be armed."""
+    """Plausibility bounds of a system. setpoint, accel: names of words of its record; *_g2_q20: squared acceleration,
+    g^2 Q20; rest_turnps_q28, uneven_turn_q32, ready_turn_q32: bounds of the mean rate at rest, of the mean difference
+    between both sensors' turns in a step, and of the tilt at which the system may be armed."""
 
     setpoint: str
     accel: tuple[str, str]
@@ -76,7 +76,8 @@ def _mean(of: int, value: int, share: int) -> int:
 
 
 def step(s: State, b: Bounds, word: Mapping[str, int], dt: int, unit_turn2_q56: int) -> None:
-    """One step. word: its record by name; dt: the period, Q33; unit: of 2^32 lsb of variance, 0 if it is not known."""
+    """One step. word: its record by name; dt: the period, Q33; unit_turn2_q56: value of
+    2^32 lsb of variance, 0 if it is not known."""
     share = 2 * dt
     measured, rate, innovation = word["tilt_measured_turn_q32"], word["rate_turnps_q28"], word["innovation_turn_q32"]
     force = sum(word[name] ** 2 for name in b.accel) >> 32

@@ -11,7 +11,8 @@ from plumb.kernels.integers import Integer, clamp, mul, select, wrap_i32
 
 @dataclass(slots=True)
 class RateLoopState:
-    """Words of the record, in order. excess_q24: demand less the command that the mixer gave in the step before."""
+    """Words of the record, in order. excess_q24: the demand of the step before minus the command that the mixer
+    gave."""
 
     rate_filtered_turnps_q27: Integer
     integral_q30: Integer
@@ -23,7 +24,8 @@ class RateLoopState:
 
 
 class Conditions(NamedTuple):
-    """What the loops of all axes share in a step. flies: the rotors are on; airborne: the vehicle is off the ground."""
+    """Conditions of a step that the loops of all axes share. flies: the rotors are on; airborne: the vehicle is off the
+    ground."""
 
     d_alpha_q31: Integer
     integral_max_q30: Integer

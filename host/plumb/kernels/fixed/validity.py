@@ -1,7 +1,7 @@
-"""Which parameter words the arithmetic is made for, written from docs/reference/arithmetic.
+"""Checks of the parameter words that the arithmetic needs, written from docs/reference/arithmetic.
 
-A step may be run with words that are valid; with others a sum of it could overflow, or a division have no divisor. The
-ranges of single words in the parameter table are wider or equal: what is here is what the core itself checks. `p` is
+A step needs valid words: with others a sum could overflow, or a divisor be 0. These are the checks of the core itself;
+the ranges of single words in the parameter table are equal or wider. `p` is
 one set of words as they are in memory: an int32 may be negative, a uint32 not.
 """
 
@@ -11,7 +11,7 @@ from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.integers import mulhi_u32, wrap_i64
 
 LIMIT = 7 << 28
-"""Of every calibrated value."""
+"""Limit of every calibrated value."""
 COVARIANCE_MAX = 1 << 56
 VARIANCE_MAX = 1 << 24
 U32 = 0xFFFFFFFF
@@ -40,7 +40,7 @@ def tilt(p: Params) -> bool:
 
 
 def kalman(p: Params, noise: str = "kalman", start: str = "start") -> bool:
-    """The filter. noise: the group of its process noise; start: that of its start; the rest is in `kalman`."""
+    """The filter. noise, start: the parameter groups of its process noise and its start; the rest is in `kalman`."""
     shift, gain, most = int(p["kalman.rate_shift"]), int(p["kalman.rate_gain"]), int(p["kalman.bias_max_turn_q29"])
     if not (1 <= shift <= 16 and most >= 0):
         return False
@@ -84,7 +84,7 @@ def esc(p: Params) -> bool:
 
 
 def wheel(p: Params) -> bool:
-    """Speed from edges: that of the most edges is within 15 m/s."""
+    """Speed from edges: at most 15 m/s for the largest number of edges."""
     edges = int(p["wheel.edges_max"])
     positive = int(p["wheel.alpha_q31"]) >= 0 and int(p["wheel.accel_gain_q30"]) >= 0
     return 1 <= edges < 1 << 15 and positive and edges * abs(int(p["wheel.edge_mps_q26"])) <= 15 << 26

@@ -14,7 +14,7 @@ def complementary_step(angle_deg: Number, rate_dps: Number, z_deg: Number, perio
 
         angle(k) = a (angle(k-1) + Ts rate) + (1 - a) z(k)      a = tau / (tau + Ts)
 
-    It has no bias: one of b deg/s leaves an error of b tau. The difference is an angle and wraps at +-180 deg.
+    It estimates no bias: a bias of b deg/s leaves an error of b tau. The difference is an angle and wraps at +-180 deg.
     """
     predicted_deg = angle_deg + period_s * rate_dps
     return wrap(predicted_deg + period_s / (tau_s + period_s) * wrap(z_deg - predicted_deg))
@@ -22,5 +22,5 @@ def complementary_step(angle_deg: Number, rate_dps: Number, z_deg: Number, perio
 
 def weighted_average(gyro_deg: Number, z_deg: Number, weight: float) -> Number:
     """weight times the integrated gyro plus (1 - weight) times the measured angle, the short way around. Nothing
-    corrects the integral, so that its drift stays in the result by its weight."""
+    corrects the integral, so its drift remains in the result, times the weight."""
     return wrap(z_deg + weight * wrap(gyro_deg - z_deg))

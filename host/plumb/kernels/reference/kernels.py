@@ -53,7 +53,7 @@ def calibrate(raw: Number, channel: Channel) -> Number:
 
 
 def tilt(accel_y_g: Number, accel_z_g: Number, mode: TiltMode) -> Number:
-    """Tilt in degrees from the acceleration: arcsin(a / g) as the paper has it, or from both axes."""
+    """Tilt in degrees from the acceleration: arcsin(a / g) as in the paper, or from both axes."""
     return asin(accel_y_g) if mode == "arcsine" else atan2(accel_y_g, accel_z_g)
 
 

@@ -1,4 +1,4 @@
-"""Hosts whose arming is over, hosts of another version, and setpoints that are not new."""
+"""Faults of hosts: their arming is over, they have another version, or their setpoints are not new."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ SETPOINT, FOREIGN_SETPOINT = 1 << 24, 1 << 29
 """1.4 and 45 degrees, as binary angles."""
 OLD_HOST_S = 0.35
 LATE_ANSWER_S = 0.027
-"""Just before the keep-alive times out at pulses of 50 Hz, and before a value expires that was issued 5 ms earlier."""
+"""Just before the keep-alive times out with pulses at 50 Hz, and before a value that was issued 5 ms earlier
+expires."""
 REPEATED_EVERY_S = 0.02
 STUCK_S = 0.3
 
@@ -24,7 +25,7 @@ STUCK_S = 0.3
 
 
 def armed_anew(scene: Scene) -> None:
-    """The host lets go, and the board is armed again."""
+    """The host disarms, and arms the board again."""
     scene.notes["arming"] = scene.session.holding.number
     scene.session.disarm()
     scene.session.arm()
@@ -32,7 +33,7 @@ def armed_anew(scene: Scene) -> None:
 
 
 def old_host(scene: Scene) -> None:
-    """Who armed hangs; the host of the arming before answers every value with the number that it knows."""
+    """The host that armed hangs; the host of the previous arming answers every value with the number that it knows."""
     scene.host_alive = False
     value = protocol()["KEEPALIVE_VALUE"]
     end_s = scene.now_s + OLD_HOST_S
@@ -44,7 +45,7 @@ def old_host(scene: Scene) -> None:
 
 
 def armed_over_a_value(scene: Scene) -> None:
-    """Arm again while armed, directly after a value of the arming before, which nobody answers."""
+    """Arm again directly after a value of the previous arming that nobody answered."""
     scene.host_alive = False
     value = protocol()["KEEPALIVE_VALUE"]
     values: list[int] = []
@@ -58,7 +59,8 @@ def armed_over_a_value(scene: Scene) -> None:
 
 
 def value_of_the_arming_before(scene: Scene) -> None:
-    """The host hangs; that value comes with the number of this arming, before it is 40 ms old."""
+    """The host hangs; the value of the previous arming comes back with the number of this arming, before it is 40 ms
+    old."""
     scene.host_alive = False
     scene.run(LATE_ANSWER_S)
     words = scene.session.holding.number, scene.notes["value"]
@@ -71,7 +73,7 @@ def disarmed(scene: Scene) -> None:
 
 
 def armed_by_an_old_version(scene: Scene) -> None:
-    """ARM as before version 3: a right nonce, and no number of the host."""
+    """ARM as before version 3: a right nonce, without a number of the host."""
     arm = protocol()["EXECUTE"].value("verb", "ARM")
     nonce = scene.session.request("CHALLENGE", arm, 0, answer="NONCE", first=arm)["nonce"]
     scene.session.send([scene.session.frame("EXECUTE", arm, nonce)])
@@ -82,7 +84,7 @@ def armed_by_an_old_version(scene: Scene) -> None:
 
 
 def steered(seconds: float) -> Action:
-    """The host asks for a setpoint other than 0; all that it sends is recorded."""
+    """The host sends a setpoint other than 0; all its frames are recorded."""
 
     def prepare(scene: Scene) -> None:
         scene.record()
@@ -98,7 +100,7 @@ def cease(scene: Scene) -> None:
 
 
 def repeat(count: int) -> Action:
-    """The source hangs, and something else sends its last setpoints over and over, byte for byte."""
+    """The source hangs; another sender repeats its last setpoints again and again, byte for byte."""
 
     def inject(scene: Scene) -> None:
         recorded = scene.recorded("SETPOINT")[-count:]
@@ -109,13 +111,13 @@ def repeat(count: int) -> Action:
 
 
 def setpoint_now(scene: Scene, setpoint: int, back: int = 0) -> Frame:
-    """A setpoint with the number of the next step, or of one so many steps back."""
+    """A setpoint with the number of the next step, or of `back` steps before it."""
     number = scene.session.setpoint.next_step - back & 0xFFFF
     return scene.session.frame("SETPOINT", number, setpoint, flags=scene.session.run_tag)
 
 
 def setpoints_stuck(scene: Scene) -> None:
-    """A buffer takes setpoints that are new, and nothing is heard of the source for a while."""
+    """A buffer holds back setpoints that are new, and the source is silent for a while."""
     steered(0.1)(scene)
     cease(scene)
     for _ in range(4):
@@ -131,7 +133,7 @@ def let_out(scene: Scene) -> None:
 
 
 def overtaken(scene: Scene) -> None:
-    """While the source lives: setpoints with the number of its last one, and with those of the steps before."""
+    """While the source is alive: setpoints with the number of its last one, and with earlier numbers."""
     scene.session.frames.write_frames([setpoint_now(scene, SETPOINT)])
     last = setpoint_now(scene, FOREIGN_SETPOINT)
     scene.session.frames.write_frames([last, *(setpoint_now(scene, FOREIGN_SETPOINT, back) for back in range(1, 4))])

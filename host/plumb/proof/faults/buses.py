@@ -20,7 +20,7 @@ CHIPS = frozenset({"chips"})
 TROUBLE_S = 0.1
 CHUNK_S = 0.005
 BYTES_PER_S = 92_160
-"""Of a UART at 921600 baud."""
+"""Rate of a UART at 921600 baud."""
 
 
 def uart(send: Callable[[Machine, bytes], object], seconds: float = TROUBLE_S) -> Action:
@@ -45,7 +45,7 @@ def endless_line(machine: Machine, data: bytes) -> None:
 
 
 def uart_damaged(flag: int) -> Action:
-    """Every byte of the host arrives with this error flag and one bit wrong, or with ORE not at all, for a while."""
+    """For a while, every byte of the host arrives with this error flag and one wrong bit; with ORE no byte arrives."""
 
     def inject(scene: Scene) -> None:
         usart = scene.machine.usart
@@ -84,7 +84,7 @@ def can_unacknowledged(scene: Scene) -> None:
 
 
 def can_sends_fail(scene: Scene) -> None:
-    """Every attempt of the board to send fails for a while: it is off the bus, comes back, and is off it again."""
+    """Every attempt of the board to send fails for a while: it goes bus-off, returns, and goes bus-off again."""
     wire = scene.machine.can.wire
     wire.fail_sending.extend([BIT_RECESSIVE] * 4000)
     scene.run(TROUBLE_S)
@@ -121,7 +121,7 @@ def accelerometer_gone(scene: Scene) -> None:
 _LOST = (Told("EVENTS", "disarm_cause", 1 << 3), (Told("SENSORS", "digital", 0xFFFF), Told("SENSORS", "bus_failures")))
 
 _SILENT = (Told("SENSORS", "digital", 0xFFFF), Told("SENSORS", "bus_failures"))
-"""What the board says of a bus that does not work while nothing is armed."""
+"""Reports of the board for a bus that does not work while nothing is armed."""
 
 FAULTS = (
     Fault("estimate-i2c-sda-stuck", "buses", "a chip holds SDA for nine clocks, and nothing is armed", sda_stuck,

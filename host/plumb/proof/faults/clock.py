@@ -1,4 +1,4 @@
-"""Faults of clocks: the crystal, the timer that paces the steps, and a core that is held up."""
+"""Faults of clocks: the crystal, the timer that paces the steps, and a stopped core."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CHIPS = frozenset({"chips"})
 ESTIMATES = frozenset({"chips", ESTIMATE})
 STALL_S = 0.1
 SETTLED_S = 0.2
-"""After disarming: what that gives to tell has been told."""
+"""Time after disarming in which the board sends the reports about it."""
 
 
 def crystal_fails(scene: Scene) -> None:

@@ -16,7 +16,7 @@ THREAD_S = 0.05
 
 
 def patch(scene: Scene, address: int, code: bytes) -> None:
-    """Other instructions in flash, as the core sees them from now on; the next reset finds the old ones."""
+    """Replace instructions in flash until the next reset, which restores the old ones."""
     cpu, flash = scene.machine.cpu, scene.machine.flash
     offset = address - FLASH_BASE
     before, restart = bytes(cpu.flash[offset : offset + len(code)]), cpu.restart
@@ -37,7 +37,7 @@ def replace_function(scene: Scene, name: str, code: bytes) -> None:
 
 
 def pause_at(scene: Scene, address: int, pause_s: float) -> None:
-    """The core branches to itself at this instruction for a while, then goes on there."""
+    """Make the core branch to itself at this instruction for a while, then continue there."""
     cpu, flash = scene.machine.cpu, scene.machine.flash
     offset = address - FLASH_BASE
     before = bytes(cpu.flash[offset : offset + len(FOREVER)])
@@ -46,12 +46,12 @@ def pause_at(scene: Scene, address: int, pause_s: float) -> None:
         cpu.forget_code()
         if code == FOREVER:
             if not scene.machine.run_until(lambda: cpu.pc == address, THREAD_S * 1e6):
-                raise LinkError("the core never gets there: the fault cannot be injected")
+                raise LinkError("the core never reaches this instruction: the fault cannot be injected")
             scene.run(pause_s)
 
 
 def poke(scene: Scene, address: int, value: int) -> None:
-    """A word of RAM."""
+    """Write a word of RAM."""
     scene.machine.cpu.ram[address - RAM_BASE : address - RAM_BASE + 4] = (value & 0xFFFFFFFF).to_bytes(4, "little")
 
 
@@ -82,12 +82,13 @@ def handles(scene: Scene, number: int) -> bool:
 
 
 def flip(scene: Scene, address: int, bit: int) -> None:
-    """One bit of RAM, `bit` counted from `address`."""
+    """Flip one bit of RAM, `bit` counted from `address`."""
     scene.machine.cpu.ram[address - RAM_BASE + bit // 8] ^= 1 << bit % 8
 
 
 def hold_off(scene: Scene, *causes: str) -> None:
-    """These resets from inside the chip (software, iwdg, wwdg) do nothing, so that the layer below them is seen."""
+    """Suppress these resets from inside the chip (software, iwdg, wwdg), so that the next layer of protection must
+    act."""
     request_reset = scene.machine.request_reset
 
     def request_other(cause: str) -> None:

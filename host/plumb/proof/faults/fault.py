@@ -21,13 +21,13 @@ class Fault:
     name: unique; lower case with hyphens. group: sensors, buses, clock, power, memory, host, frames or hangs.
     what: the injection and its place, as one phrase. inject: injects at pins, buses, memory or frames; time may
     pass meanwhile. limit: a row of limits.toml. told: all reports that the board must make; a tuple inside lists
-    alternatives. needs: features that the scene must have (Scene.features); with `estimate`, for systems that drive
-    nothing, and for those alone. link: link of the host that armed.
+    alternatives. needs: features that the scene must have (Scene.features); with `estimate` the fault is only for
+    systems that drive nothing. link: link of the host that armed.
     prepare: runs before the injection; time counts from its end.
     holds: the fault must have no effect: all steps equal those without it, and the board stays armed or disarmed.
-    by: the layer that must make the outputs safe (outputs.PROGRAM, outputs.RESET), where another one stands behind it
-    and would hide that it is dead; "": any.
-    moves_on: the board must go on driving; its report tells the time from which its behaviour is the required one.
+    by: the layer that must make the outputs safe (outputs.PROGRAM, outputs.RESET), where a second layer behind it would
+    hide its failure; "": any.
+    moves_on: the board must keep driving; from the time of its report it must behave as required.
     after: runs at the end (the host or the supply is back); outputs must stay safe afterwards.
     phases: inject at many phases of steps, pulses and keep-alives; the worst result counts. variants: number of ways
     to inject (Scene.variant); the worst result counts. interrupt: exception that must be enabled; 0: none.

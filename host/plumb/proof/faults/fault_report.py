@@ -63,6 +63,6 @@ def _table(system: str, rows: Sequence[Row]) -> Table:
         ]
         for row in rows
     ]
-    note = "Safe: from the injection until every output is at its safe value for good; 0: the fault changed no step."
+    note = "Safe: from the injection until every output stays at its safe value; 0: the fault changed no step."
     bad = frozenset(index for index, row in enumerate(rows) if row.verdict != "pass")
     return Table(system, HEAD, cells, note, bad_rows=bad)

@@ -1,4 +1,5 @@
-"""Frames that must not act: damaged, stale, replayed, or from a node that does not own the run; and those that may."""
+"""Frames that must have no effect: damaged, stale, replayed, or from a node that does not own the run; and foreign
+frames that may have one."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ OTHER_VERSION = 99
 FOREIGN_SETPOINT = 1 << 29
 """An eighth of a turn."""
 ASKER = 0x2545F491
-"""What a host draws at random for CHALLENGE."""
+"""The number that a host draws at random for CHALLENGE."""
 FOREIGN_NONCES = (0, 1, 0xFFFFFFFF, 0x12345678, 0x80000000)
 KP = "pid.kp_q22"
 WILD_ESC = {"esc.mid_halfus": 4000, "esc.neutral_halfus": 4000, "esc.max_halfus": 16383}
@@ -34,7 +35,8 @@ def refused(reason: str) -> Told:
 
 
 class Stranger:
-    """Another node, on the CAN bus, while a host on the UART owns the run. What the board answers it is heard, too."""
+    """Another node on the CAN bus, while a host on the UART owns the run. The board's answers to it are recorded,
+    too."""
 
     def __init__(self, scene: Scene, *, greeted: bool) -> None:
         self.scene, self.counters = scene, dict[int, int]()
@@ -43,7 +45,7 @@ class Stranger:
             scene.run(0.02)
 
     def send(self, name: str, *words: int, flags: int = 0) -> None:
-        """A frame with a right counter and CRC; then time for the answer."""
+        """Send a frame with a right counter and CRC, and wait for the answer."""
         message = protocol()[name]
         counter = self.counters.get(message.identifier, 0)
         self.counters[message.identifier] = counter + 1 & 15
@@ -74,14 +76,14 @@ def foreign_setpoints(*, greeted: bool) -> Action:
 
 
 def steered_from_can(scene: Scene) -> None:
-    """A run of the same host that takes its setpoints from CAN, armed."""
+    """The same host begins a run that takes its setpoints from CAN, and arms."""
     scene.session.begin("REALTIME_LIVE", frames=scene.live.FRAMES, elsewhere=("setpoints",))
     arm(scene)
     scene.run(SETTLED_S)
 
 
 def setpoints_without_greeting(scene: Scene) -> None:
-    """The node has everything right but its version: only the greeting that failed keeps it from steering."""
+    """Only the version of the node is wrong: the failed greeting alone keeps its setpoints from counting."""
     stranger = Stranger(scene, greeted=False)
     stranger.send("HELLO", OTHER_VERSION, 0)
     scene.run(0.02)
@@ -113,7 +115,7 @@ def foreign_answers(scene: Scene) -> None:
 
 
 def foreign_arming(scene: Scene) -> None:
-    """Guessed nonces, and one that the board gave to this very node."""
+    """ARM with guessed nonces, and with one that the board gave to this node."""
     stranger = Stranger(scene, greeted=True)
     arm = protocol()["EXECUTE"].value("verb", "ARM")
     for nonce in FOREIGN_NONCES:
@@ -132,7 +134,7 @@ def foreign_parameters(scene: Scene) -> None:
 
 
 def foreign_run(scene: Scene) -> None:
-    """Another node begins a run of its own, as every greeted one may: that ends this one."""
+    """Another node begins its own run, as every greeted node may: that ends the present run."""
     stranger = Stranger(scene, greeted=True)
     run = protocol()["RUN_BEGIN"].value("run", "LOCKSTEP")
     stranger.send("CHALLENGE", run, 0)
@@ -144,7 +146,7 @@ def foreign_disarm(scene: Scene) -> None:
 
 
 def odd_can_frames(scene: Scene) -> None:
-    """Identifiers of ours as extended and remote frames, and short ones."""
+    """The protocol's identifiers in extended, remote and short frames."""
     stranger = Stranger(scene, greeted=True)
     for name in ("KEEPALIVE", "SETPOINT", "DISARM", "RUN_END"):
         identifier = protocol()[name].identifier
@@ -159,7 +161,7 @@ def odd_can_frames(scene: Scene) -> None:
 
 
 def say(scene: Scene, frames: Sequence[Frame]) -> None:
-    """These frames on the owner's link, as they are."""
+    """Send these frames unchanged on the owner's link."""
     scene.session.frames.write_frames(frames)
     scene.run(EVERY_S)
 
@@ -185,7 +187,7 @@ def flips(name: str, width: int) -> Action:
 
 
 def stale_tags(scene: Scene) -> None:
-    """Setpoints of every other run, over the owner's link."""
+    """Setpoints with the tag of every other run, over the owner's link."""
     for tag in range(16):
         if tag != scene.session.run_tag:
             say(scene, [scene.session.frame("SETPOINT", scene.next_step, FOREIGN_SETPOINT, flags=tag)])
@@ -200,7 +202,7 @@ def samples_in_a_live_run(scene: Scene) -> None:
 
 
 def asked_and_refused(request: str, verb: str) -> Action:
-    """A nonce, and the command with it."""
+    """Request a nonce, and send the command with it."""
 
     def inject(scene: Scene) -> None:
         number = protocol()[request].value("verb", verb)
@@ -226,8 +228,8 @@ def armed_once_more(scene: Scene) -> None:
 
 
 def arming_replayed(scene: Scene) -> None:
-    """All that armed the board a moment ago, byte for byte; the command alone before it, while its nonce is still the
-    last one of the board, used up."""
+    """Replay the frames that armed the board a moment ago, byte for byte; before that, the command alone, while its
+    nonce is still the last one that the board issued, but used."""
     say(scene, scene.recorded("EXECUTE"))
     for frame in list(scene.sent):
         if frame[0] != protocol()["DISARM"].identifier:
@@ -245,7 +247,7 @@ def run_ended(scene: Scene) -> None:
 
 
 def stiffened(scene: Scene) -> None:
-    """A gain that the owner has raised since arming, as it may."""
+    """The owner raises a gain after arming, which is allowed."""
     words = scene.session.read_parameters()
     kp = [row.name for row in parameters.table()].index(KP)
     words[kp] = round(words[kp] * 1.5)
@@ -256,8 +258,8 @@ def stiffened(scene: Scene) -> None:
 
 
 def wild_gains(scene: Scene) -> None:
-    """Commits of the owner that an armed board must not take: wild gains, gains of another sign, none at all, words
-    that are no gains, each with its right CRC; and six in a row that go up by less than twice each."""
+    """Commits of the owner that an armed board must refuse: extreme gains, gains of another sign, gains of 0, words
+    other than gains, each with its right CRC; and six in a row, each less than twice the one before."""
     before = scene.session.read_parameters()
     frame = scene.session.frame
     kp = [row.name for row in parameters.table()].index(KP)
@@ -278,7 +280,7 @@ def wild_gains(scene: Scene) -> None:
 
 
 def wild_pulses(scene: Scene) -> None:
-    """Parameters under which a disarmed speed controller would get full throttle, and a live run nobody arms."""
+    """Parameters that would give a disarmed speed controller full throttle, and a live run that nobody arms."""
     names = [row.name for row in parameters.table()]
     for name, value in WILD_ESC.items():
         say(scene, [scene.session.frame("PARAM_SET", names.index(name), value)])

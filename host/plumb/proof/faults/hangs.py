@@ -14,13 +14,13 @@ BY_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 5)
 STALLED = Told("STATUS", "faults", 1 << 13)
 DISARMED_BY_FAULT = Told("EVENTS", "disarm_cause", 1 << 3)
 PAUSE_S = 0.035
-"""Longer than the watch over the loop allows, shorter than the window watchdog does, and so long that a keep-alive
-which waits after it may be late."""
+"""Longer than the stall watch allows, shorter than the window watchdog allows, and long enough for a waiting keep-alive
+to be late after it."""
 KEEPALIVE_S, MOMENTS = 0.01, 12
 """Period of the values that the board sends, and moments in it at which a pause begins."""
 PULSES_PAUSE_S, PAUSES, LONGER_S = 0.03, 12, 0.0002
-"""Pauses of so many lengths, each longer by this: over a frame of pulses, 2.5 ms here. A pulse written after the
-pause reaches the pin only when a frame ends before the loop writes neutral."""
+"""Shortest pause, number of pauses, and their increment; together they cover a frame of pulses, 2.5 ms here. A pulse
+that is written after the pause reaches the pin only when a frame ends before the loop writes neutral."""
 IRQS = {
     "adc-dma": 11, "spi-dma": 12, "uart-tx-dma": 14, "uart-rx-dma": 15, "i2c-dma": 17, "can-tx": 19, "can-rx0": 20,
     "can-rx1": 21, "can-errors": 22, "hall": 28, "steps": 29, "i2c-events": 31, "i2c-errors": 32, "uart": 37,
@@ -37,7 +37,7 @@ def loop_hangs_masked(scene: Scene) -> None:
 
 
 def loop_hangs_without(*causes: str) -> Action:
-    """The main loop hangs with interrupts masked, and these resets do not come."""
+    """The main loop hangs with interrupts masked, and these resets fail."""
 
     def inject(scene: Scene) -> None:
         core.hold_off(scene, *causes)
@@ -47,12 +47,13 @@ def loop_hangs_without(*causes: str) -> Action:
 
 
 def between_keepalives(scene: Scene) -> None:
-    """Let a part of the keep-alive's period pass: the keep-alive that waits after a pause may be late or not."""
+    """Let a part of the keep-alive's period pass: by its length the waiting keep-alive is late after the pause, or
+    not."""
     scene.run(scene.variant * KEEPALIVE_S / MOMENTS)
 
 
 def loop_pauses(scene: Scene) -> None:
-    """The main loop branches to itself for a while, then goes on where it was."""
+    """The main loop branches to itself for a while, then continues."""
     core.reach_the_loop(scene)
     core.pause_at(scene, scene.machine.cpu.pc, PAUSE_S)
 
@@ -63,7 +64,7 @@ def reaches_the_pulses(scene: Scene) -> None:
 
 
 def loop_pauses_before_the_pulses(scene: Scene) -> None:
-    """The same where the next instructions write pulses that drive, for several lengths."""
+    """The main loop pauses just before the instructions that write driving pulses, for several lengths."""
     core.pause_at(scene, scene.symbol("board_set_actuator").address, PULSES_PAUSE_S + scene.variant * LONGER_S)
 
 
@@ -78,7 +79,7 @@ def handler_hangs(number: int) -> Action:
 
 
 def tick_stops(scene: Scene) -> None:
-    """SysTick counts no more: the board's clock stands still."""
+    """SysTick stops: the board's clock stands still."""
     systick = scene.machine.systick
     systick.ctrl = 0
     scene.machine.timeline.cancel("systick")

@@ -18,16 +18,16 @@ GONE_S = 0.1
 REPLAY_EVERY_S = 0.015
 REPLAYED_S = 0.35
 LATE_S = 0.044
-"""Age of an answer that must not count any more; its value was issued some milliseconds before."""
+"""Age of an answer that must no longer count; its value was issued some milliseconds earlier."""
 LOOK_S = 0.002
 BOTH_ARRIVE_S = 0.003
-"""Two frames take 0.5 ms on either link; a loop that pauses for so long is no stall."""
+"""Two frames take 0.5 ms on either link; a pause of the loop for this time is not a stall."""
 SETPOINT = 1 << 24
 """1.4 degrees, as a binary angle."""
 
 
 def just_answered(scene: Scene) -> None:
-    """Let time pass until the host has answered a value: none of its frames counts later than this one."""
+    """Let time pass until the host has answered a value: that is its last frame that counts."""
     scene.record()
     scene.run_until(lambda: bool(scene.recorded("KEEPALIVE")), GONE_S)
 
@@ -66,8 +66,8 @@ def closes_and_opens(scene: Scene) -> None:
 
 
 def in_one_turn(scene: Scene, first: Frame) -> None:
-    """This frame and a HELLO of the right version both arrive before the main loop reads the first: what the first one
-    changed is undone before the loop polls it."""
+    """This frame and a HELLO of the right version both arrive before the main loop reads the first: the HELLO undoes
+    its change before the next poll."""
     session = scene.session
     core.reach_the_loop(scene)
     session.send([first, session.frame("HELLO", session.protocol.version, session.protocol.dbc_hash)])
@@ -97,7 +97,7 @@ def other_version(scene: Scene) -> None:
 
 
 def replay(count: int, *, backwards: bool = False) -> Action:
-    """The host hangs, and something else sends its last keep-alives over and over, byte for byte."""
+    """The host hangs; another sender repeats its last keep-alives again and again, byte for byte."""
 
     def inject(scene: Scene) -> None:
         recorded = scene.recorded("KEEPALIVE")[-count:]
@@ -110,7 +110,7 @@ def replay(count: int, *, backwards: bool = False) -> Action:
 
 
 def keep_back(scene: Scene, every: int) -> None:
-    """From now on every so many-th answer of the host to a value is kept back, with the time of it."""
+    """From now on hold back every `every`-th answer of the host to a value, and note its time."""
     identifier, kept, count = protocol()["KEEPALIVE"].identifier, scene.kept_back, itertools.count()
     write = type(scene.session.frames).write_frames
 
@@ -131,7 +131,7 @@ def answers_half(scene: Scene) -> None:
 
 
 def answers_late(scene: Scene) -> None:
-    """From now on no answer comes at once. Those that were kept back, and all others, come LATE_S after their value,
+    """From now on every answer is late. The answers that were held back, and all others, come LATE_S after their value,
     each for the first time."""
     keep_back(scene, 1)
     end_s = scene.now_s + REPLAYED_S
@@ -143,7 +143,7 @@ def answers_late(scene: Scene) -> None:
 
 
 def steered(scene: Scene) -> None:
-    """The host asks for a setpoint other than 0."""
+    """The host sends a setpoint other than 0."""
     scene.session.set_setpoint(SETPOINT)
     scene.run(0.1)
 

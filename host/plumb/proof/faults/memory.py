@@ -20,7 +20,7 @@ SLOTS, SLOT_BYTES, DAMAGED_AT = 2, 2048, 40
 
 
 def flipped(symbol: str) -> Action:
-    """One bit of a variable while the loop sleeps, another one in every variant, evenly spread."""
+    """Flip one bit of a variable while the loop sleeps; the bits of all variants are evenly spread over it."""
 
     def inject(scene: Scene) -> None:
         core.reach_sleep(scene)
@@ -31,14 +31,14 @@ def flipped(symbol: str) -> Action:
 
 
 def flipped_in_stack(scene: Scene) -> None:
-    """One bit of each of the words at the end of the stack while the loop sleeps: a word for every variant."""
+    """Flip one bit of a word at the end of the stack while the loop sleeps: another word for every variant."""
     core.reach_sleep(scene)
     word = scene.symbol("stack_top").address - 4 * (scene.variant + 1)
     core.flip(scene, word, (5 * scene.variant + 4) % 32)
 
 
 def clock_set_back(scene: Scene) -> None:
-    """The highest bit that is set in the count of milliseconds, which no check word covers."""
+    """Clear the highest set bit in the count of milliseconds, which no check word covers."""
     ticks = scene.symbol("ticks_ms").address
     count = int.from_bytes(scene.machine.cpu.read(ticks, 4), "little")
     core.flip(scene, ticks, count.bit_length() - 1)
@@ -53,13 +53,13 @@ def undefined_instruction(scene: Scene) -> None:
 
 
 def crash_without_reset(scene: Scene) -> None:
-    """The crash asks for a reset that does not come."""
+    """The crash handler requests a reset, which fails."""
     core.hold_off(scene, "software")
     undefined_instruction(scene)
 
 
 def wild_jump(scene: Scene) -> None:
-    """The core goes on where nothing is."""
+    """The core branches to an address without memory."""
     core.reach_the_loop(scene)
     scene.machine.cpu.pc = 0x60000000
 
@@ -70,7 +70,7 @@ def saved(scene: Scene) -> None:
 
 
 def slots_damaged(scene: Scene) -> None:
-    """One byte of every saved table is 0, and a reset."""
+    """Clear one byte of every saved table, then reset."""
     for slot in range(SLOTS):
         scene.machine.flash.store(PARAMETER_SLOTS - FLASH_BASE + slot * SLOT_BYTES + DAMAGED_AT, b"\0")
     scene.machine.reset()

@@ -13,12 +13,13 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 LOOK_US = 100
-"""Time between two looks, and the resolution of every time that is measured here."""
+"""Interval of the checks, and the resolution of every time that is measured here."""
 SAFE_PULSE_US = (900.0, 1050.0)
 """A speed controller stops its motor for a pulse of this length, and without any pulse."""
 PHASES = 3
 PROGRAM, RESET = "the program", "a reset"
-"""What made the outputs safe: neutral pulses and open gates that an instruction set, or pins that a reset let go."""
+"""The layer that made the outputs safe: instructions that set neutral pulses and open gates, or a reset that released
+the pins."""
 
 
 def unsafe(machine: Machine) -> bool:
@@ -96,7 +97,7 @@ class Watch:
 
     @property
     def safe_ms(self) -> float | None:
-        """From `begin` until the outputs are safe for good; None when the last look found them unsafe."""
+        """From `begin` until the outputs stay safe; None when the last check found them unsafe."""
         if self.last_unsafe is None:
             return 0.0
         safe = self.last_unsafe + LOOK_US * TICKS_PER_US

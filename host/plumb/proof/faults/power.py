@@ -13,7 +13,7 @@ BY_POWER = Told("IDENTITY", "RESET_CAUSE", POWER)
 
 
 def cut(*on_us: float) -> Action:
-    """The supply goes away and comes back; again after each of these times."""
+    """Switch the supply off and on; again after each of these times."""
 
     def inject(scene: Scene) -> None:
         for wait_us in (0.0, *on_us):

@@ -1,6 +1,7 @@
-"""Damaged memory that the check of memory does not find: what reaches the registers of the pulses stays in its bounds.
+"""Damaged memory that the check of memory does not find: the values in the pulse registers must stay within their
+bounds.
 
-The check of guarded memory is switched off in all of these rows, so that the bounds behind it are seen alone.
+All these rows switch the check of guarded memory off, so that only the bounds behind it can act.
 """
 
 from __future__ import annotations
@@ -23,13 +24,14 @@ BY_COMMAND = Told("EVENTS", "disarm_cause", COMMAND)
 
 
 def unchecked(scene: Scene) -> None:
-    """Guarded memory is found intact, whatever is in it. While the loop sleeps, as a check that has begun goes on."""
+    """Make the check find guarded memory intact, whatever it holds. Injected while the loop sleeps, because a check
+    that has begun runs to its end."""
     core.reach_sleep(scene)
     core.replace_function(scene, "board_memory_intact", core.RETURN_TRUE)
 
 
 def set_parameter(scene: Scene, name: str, value: int) -> None:
-    """A word of the parameters in use, in RAM."""
+    """Write a word of the parameters in use, in RAM."""
     index = next(index for index, row in enumerate(parameters.table()) if row.name == name)
     core.poke(scene, scene.symbol("params").address + 4 * index, value)
 

@@ -21,7 +21,7 @@ MEANINGS: Mapping[str, dict[int, str]] = {
     "FAULTS": FAULTS,
     "RESET_CAUSE": RESET_CAUSES,
 }
-"""Signal, or item of IDENTITY -> what its bits mean."""
+"""Signal, or item of IDENTITY -> meaning of its bits."""
 COUNTED = frozenset(
     {
         ("COUNTERS", "rejected"), ("COUNTERS", "lost"), ("COUNTERS", "dropped"), ("EVENTS", "starved"),
@@ -33,7 +33,7 @@ COUNTED = frozenset(
 
 @dataclass(frozen=True)
 class Told:
-    """A report that must come: a signal of a frame, or an item of IDENTITY.
+    """A required report: a signal of a frame, or an item of IDENTITY.
 
     mask: at least one of these bits must be set; with 0, a counter must have changed, or another signal must not be 0.
     choice: instead of a mask, the DBC's name of the value. value: instead of a mask, exactly this value. passes: all
@@ -94,7 +94,7 @@ class Reports:
         return cls(begun_s, before, values)
 
     def add_identity(self, identity: Identity, time_s: float) -> None:
-        """What the board says of itself after a restart."""
+        """Add the identity that the board sent after a restart."""
         for item, value in identity.items.items():
             self.values.setdefault(("IDENTITY", item), []).append((time_s, value))
 

@@ -20,7 +20,7 @@ from plumb.proof.faults.scene import ESTIMATE, Scene, driving
 LISTEN_ON_S = 0.1
 """Time to watch the board after the limits have passed."""
 BRIEF_S = 0.02
-"""The same, at every phase but the first."""
+"""Time to watch the board at every phase but the first."""
 REPORT_S = 0.15
 """Time to listen after a restart: the board sends STATUS, EVENTS and COUNTERS every 100 ms at the latest."""
 AFTER_S = 0.15
@@ -33,8 +33,8 @@ PHASES = 50
 
 @dataclass(frozen=True)
 class Row:
-    """One result. scenario: "" for that of a served board. safe_ms: from the injection until the outputs are safe for
-    good, None: never; of a fault that must have no effect, 0 when it had none. detected_ms: until the board
+    """One result. scenario: "" for that of a served board. safe_ms: from the injection until the outputs stay safe,
+    None: never; for a fault that must have no effect, 0 when it had none. detected_ms: until the board
     disarmed, was reset or reported; None: not at all. reported: the reports. why: reasons to fail; empty when it
     passes."""
 
@@ -63,7 +63,7 @@ class Row:
 
 @dataclass
 class Measured:
-    """What one injection gave."""
+    """Result of one injection."""
 
     safe_ms: float | None
     detected_ms: float | None
@@ -159,7 +159,7 @@ class Runner:
         machine, limit = scene.machine, limits()[fault.limit]
         window_s = max(limit.safe_ms, limit.detected_ms) * 1e-3 + LISTEN_ON_S
         brief = bool(phase_s)
-        if brief:  # reports and latching were looked at without it
+        if brief:  # the first phase has checked reports and latching
             window_s = max(limit.safe_ms, limit.detected_ms) * 1e-3 + BRIEF_S
             scene.run(phase_s)
         if fault.prepare is not None:
@@ -202,7 +202,7 @@ class Runner:
         return measured
 
     def _without(self, fault: Fault, scene: Scene, window_s: float) -> dict[int, int]:
-        """Digests of the steps that come when nothing is injected."""
+        """Digests of the same steps without an injection."""
         here = scene.snapshot()
         begun_s = scene.now_s
         scene.listen_anew()
@@ -214,7 +214,7 @@ class Runner:
     def _held(
         self, scene: Scene, reports: Reports, healthy: dict[int, int], watch: Watch, was_armed: bool
     ) -> tuple[float | None, list[str]]:
-        """Whether everything went on as without the fault: 0 ms when it did."""
+        """0 ms when everything continued as without the fault, else None; and the reasons."""
         digests = reports.digests()
         both = digests.keys() & healthy.keys()
         differing = [step for step in sorted(both) if digests[step] != healthy[step]]
@@ -228,7 +228,7 @@ class Runner:
         return (None if why else 0.0), why
 
     def _ask(self, scene: Scene, reports: Reports, why: list[str]) -> None:
-        """A board that was reset, or that said nothing, is connected to anew."""
+        """Connect anew to a board that was reset or was silent, and read its identity."""
         scene.host_alive = True
         scene.machine.advance_us(RESTART_S * 1e6)
         try:

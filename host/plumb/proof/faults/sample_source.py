@@ -10,13 +10,13 @@ from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol
 
 KEPT = 64
-"""Samples that can be told apart by their numbers."""
+"""Number of samples with different numbers."""
 
 
 @dataclass
 class Source:
-    """Sends a sample every period. counts: of a time in s. circle: it sends so many of its last samples over and over;
-    0: new ones."""
+    """Sends a sample every period. counts: the counts at a time in s. circle: number of its last samples that it
+    repeats again and again; 0: new samples."""
 
     counts: Callable[[float], Sequence[int]]
     period_s: float
@@ -27,7 +27,7 @@ class Source:
     sent: list[list[Frame]] = field(default_factory=list)
 
     def send_due(self, session: Session) -> None:
-        """Send what is due by now."""
+        """Send the samples that are due by now."""
         while not self.stopped and session.clock() >= self.next_s:
             self.next_s += self.period_s
             if self.circle:

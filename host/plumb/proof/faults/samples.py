@@ -1,4 +1,4 @@
-"""Faults of the source of injected samples: it ceases, repeats what it sent, or loses some."""
+"""Faults of the source of injected samples: it stops, repeats its samples, or loses some."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from plumb.systems.contracts import PINS
 CAUSE = Told("EVENTS", "disarm_cause", 1 << 7)
 LOST = Told("COUNTERS", "lost")
 NOISE_LSB = 1.5
-"""On what a sensor measures, so that no channel is stuck; a counter at rest has none."""
+"""Noise of a sensor channel, so that it does not count as stuck; a counter at rest has none."""
 SETPOINT = 1 << 24
 """1.4 degrees, as a binary angle: the outputs leave neutral."""
 DRIVING_S = 0.3
 GAP_S = 0.04
-"""Two samples that are so far apart keep the board armed."""
+"""Two samples this far apart keep the board armed."""
 
 
 def at_rest(still: Sequence[tuple[int, float]]) -> Callable[[float], list[int]]:
@@ -39,7 +39,8 @@ def source_of(scene: Scene) -> Source:
 
 
 def injected(scene: Scene) -> None:
-    """A run on injected samples, armed and steered; they are those of the vehicle at the beginning of its scenario."""
+    """Begin a run on injected samples, arm, and send setpoints. The samples are those of the vehicle at the start of
+    its scenario."""
     table = by_name(parameter_table.read_table(scene.session))
     parts = systems.load(scene.name, PINS)
     drawn = systems.load(scene.name).scenario(parts.SCENARIO, SEED, period_us=table["period_us"])
@@ -59,7 +60,7 @@ def cease(scene: Scene) -> None:
 
 
 def repeat(count: int) -> Action:
-    """The source sends its last samples in a circle."""
+    """The source repeats its last samples in a loop."""
 
     def inject(scene: Scene) -> None:
         source_of(scene).circle = count
@@ -68,7 +69,7 @@ def repeat(count: int) -> Action:
 
 
 def lose(scene: Scene) -> None:
-    """Samples in a row do not arrive, so that GAP_S lies between two that do."""
+    """Samples in a row are lost, so that two that arrive are GAP_S apart."""
     source = source_of(scene)
     missing = round(GAP_S / source.period_s) - 1
     source.number += missing

@@ -41,12 +41,12 @@ ESTIMATE = "estimate"
 ARMING_S = 3.0
 """Longest time to arming, while the sensors come up and the estimate converges."""
 LISTEN_S = 0.001
-"""The host looks at its link this often; frames get the time of the look."""
+"""Interval at which the host reads its link; frames get the time of that reading."""
 
 
 @dataclass(frozen=True)
 class Heard:
-    """A frame from the board and when the host had it, in simulated seconds."""
+    """A frame from the board, and the simulated time in s at which the host received it."""
 
     time_s: float
     identifier: int
@@ -56,7 +56,7 @@ class Heard:
 @dataclass
 class Scene:
     """Build it with `driving`. heard: the frames that came since `listen_anew`. kept_back: frames of the host that a
-    fault holds up, and when the host wrote them.
+    fault holds back, and when the host wrote them.
 
     host_alive: when False, the host sends nothing but still listens. deaf: the host receives nothing.
     variant: number of the variant to inject, from 0 on. notes, stuck: numbers and frames that an injection
@@ -112,7 +112,7 @@ class Scene:
 
     @property
     def features(self) -> frozenset[str]:
-        """What there is to be broken: analog (sensors on ADC pins), chips (on I2C), bridge, esc (speed controllers);
+        """Parts that a fault can break: analog (sensors on ADC pins), chips (on I2C), bridge, esc (speed controllers);
         estimate of a system that drives nothing."""
         inputs = "analog" if isinstance(self.live, AnalogPins) else "chips"
         if not systems.load(self.name).OUTPUT_FRAMES:
@@ -121,7 +121,7 @@ class Scene:
 
     @property
     def says_armed(self) -> bool:
-        """Whether the last STATUS said so."""
+        """True when the last STATUS says that the board is armed."""
         return bool(self.session.telemetry.get("STATUS", {}).get("armed", 0))
 
     @property
@@ -130,11 +130,11 @@ class Scene:
 
     @property
     def next_step(self) -> int:
-        """The number of a SETPOINT that is new now; one with another number is refused for its age alone."""
+        """The number that makes a SETPOINT new now; another number is refused because of its age."""
         return self.session.setpoint.next_step & 0xFFFF
 
     def snapshot(self) -> Snapshot:
-        """The board, its plant, the host and this scene, to be restored as often as wanted."""
+        """A snapshot of the board, its plant, the host and this scene."""
         return self.machine.snapshot(self)
 
     def listen_anew(self) -> None:
@@ -143,11 +143,11 @@ class Scene:
         self.session.listener = self._note
 
     def abandon(self) -> None:
-        """Forget the connection without a word to the board."""
+        """Drop the connection without telling the board."""
         can.BusABC.shutdown(self.session.bus)
 
     def reconnect(self) -> None:
-        """A new connection of the same host, which goes on listening."""
+        """Connect anew as the same host, and continue to listen."""
         self.abandon()
         self.board.reconnect().listener = self._note
         self.host_alive, self.deaf = True, False
@@ -159,13 +159,13 @@ class Scene:
         self.heard += [Heard(now_s, identifier, data) for identifier, data in frames]
 
     def listen(self, wait_s: float) -> list[Frame]:
-        """What comes while the host only listens."""
+        """Receive frames while the host only listens."""
         frames = self.session.frames.read_frames(wait_s)
         self._note(frames)
         return frames
 
     def record(self) -> None:
-        """Note every frame that the host sends from here on, as it is on the wire."""
+        """Record every frame that the host sends from now on, as it is on the wire."""
         write = self.session.frames.write_frames
 
         def write_and_note(frames: Sequence[Frame]) -> None:
@@ -192,7 +192,7 @@ class Scene:
                 self.listen(wait_s)
 
     def send_again(self, frames: Sequence[Frame], seconds: float, every_s: float) -> None:
-        """For so long something sends these frames over and over, byte for byte."""
+        """Another sender repeats these frames for `seconds`, byte for byte."""
         end_s = self.now_s + seconds
         for frame in itertools.cycle(frames):
             if self.now_s >= end_s:
@@ -201,7 +201,7 @@ class Scene:
             self.run(every_s)
 
     def run_until(self, holds: Callable[[], bool], limit_s: float) -> bool:
-        """Until holds() does, looked at every LISTEN_S; False when the limit came first."""
+        """Let time pass until holds() is true, checked every LISTEN_S; False when the limit comes first."""
         end = self.machine.now + round(limit_s * TICKS_PER_S)
         while not holds():
             if self.machine.now >= end:
@@ -232,9 +232,9 @@ def driving(
     """A system with its plant on the pins of the virtual board, running over `link` for DRIVING_S; one that drives
     something is armed.
 
-    The plant runs the scenario, by default that of a served board, in closed loop. changes: other words of the
-    parameter table than that scenario has. Raises LinkError with the board's
-    reason when it does not arm within ARMING_S.
+    The plant runs the scenario, by default that of a served board, in closed loop. changes: words of the
+    parameter table that replace those of the scenario. Raises LinkError with the board's reason when it does not arm
+    within ARMING_S.
     """
     system, parts = systems.load(name), systems.load(name, PINS)
     tuning = system.TUNINGS[parts.TUNING]

@@ -29,17 +29,17 @@ def doubt(check: int) -> tuple[Told, ...]:
 
 
 GYRO_BACK, ACCEL_BACK = (Told("SENSORS", "digital", 0xFF << shift, passes=True) for shift in (0, 8))
-"""A chip that has lost its settings is told, set up anew, and good again."""
+"""Reports when a chip has lost its settings: the board reports it, sets it up anew, and reports it good again."""
 ACCEL, INNOVATION, RATE = (doubt(1 << bit) for bit in range(3))
 
 
 def volts_now(scene: Scene, channel: int) -> float:
-    """Volts of an analog pin at this moment, to which the plant is moved."""
+    """Volts of an analog pin at this moment; advances the plant to it."""
     return scene.machine.adc.sampled(scene.adc_pins[channel], scene.machine.now_s)
 
 
 def held(channel: int, volts: float | None = None, noise_lsb: float = 0.0) -> Action:
-    """An analog pin at a voltage (None: as it is now), with noise at the pin."""
+    """Hold an analog pin at a voltage (None: the present one), with noise at the pin."""
 
     def inject(scene: Scene) -> None:
         level = volts_now(scene, channel) if volts is None else volts
@@ -50,7 +50,7 @@ def held(channel: int, volts: float | None = None, noise_lsb: float = 0.0) -> Ac
 
 
 def wild(channel: int, sigma_v: float) -> Action:
-    """Noise on top of what an analog pin carries."""
+    """Add noise to the voltage of an analog pin."""
 
     def inject(scene: Scene) -> None:
         pin = scene.adc_pins[channel]
@@ -61,7 +61,7 @@ def wild(channel: int, sigma_v: float) -> Action:
 
 
 def unplugged(scene: Scene) -> None:
-    """No sensor drives its pin any more; a pull-down is on the sensor board."""
+    """No sensor drives its pin; the pull-downs of the sensor board remain."""
     for pin in scene.adc_pins:
         scene.machine.adc[pin] = 0.0
 
@@ -71,7 +71,7 @@ def converter_stops(scene: Scene) -> None:
 
 
 def chip(which: str, **attributes: object) -> Action:
-    """Set attributes of a chip's model: gyro or accel of the coupling."""
+    """Set attributes of a chip's model. which: gyro or accel, of the coupling."""
 
     def inject(scene: Scene) -> None:
         for name, value in attributes.items():
@@ -90,7 +90,7 @@ def browned_out(which: str) -> Action:
 
 
 def felt(which: str, world: Callable[[tuple[float, float, float]], tuple[float, float, float]], sigma: float) -> Action:
-    """A chip measures something else: world(what it feels now), with noise."""
+    """A chip measures world(true value) instead of the true value, with noise."""
 
     def inject(scene: Scene) -> None:
         target = getattr(scene.coupling, which)
@@ -107,7 +107,7 @@ def felt(which: str, world: Callable[[tuple[float, float, float]], tuple[float, 
 
 
 def hall(state: int) -> Action:
-    """All three Hall inputs alike, whatever the rotor does."""
+    """Hold all three Hall inputs at the same level."""
 
     def inject(scene: Scene) -> None:
         scene.machine.set_hall(state)
@@ -136,8 +136,8 @@ def railed(channel: int) -> tuple[Told, ...]:
 
 
 def turned(degrees: float, over_s: float = 0.0) -> Action:
-    """Both accelerometer pins say that the vehicle turns by so much in this time, with 1 g and noise of 1 LSB. The
-    length is not that of the sample before: its noise alone may make the filter's R ten times as large."""
+    """Both accelerometer pins show a turn of the vehicle by `degrees` in `over_s`, with 1 g and noise of 1 LSB. The
+    length is 1 g, and not that of the last sample, whose noise could make the filter's R ten times as large."""
     volts_per_g, level_v = 0.8, 1.65
 
     def inject(scene: Scene) -> None:
@@ -165,9 +165,9 @@ Q_ANGLE, Q_BIAS = ("kalman.qa_hi", "kalman.qa_lo", 32), ("kalman.qb", "kalman.qb
 """Growth of the variances of angle and bias in a step: upper and lower word, bits of the lower one."""
 R_GAIN = "tilt.r_gain"
 NOMINAL_US = 5000
-"""Period of the shipped table, at which the filter takes on up to 1.6 of an innovation a second."""
+"""Period of the shipped table, at which the filter's gain is at most 1.6 per second."""
 SETTLED_S = 3.0
-"""After arming, in which the filter's gain falls until an innovation lasts for longer than its check."""
+"""Time after arming until the filter's gain is so low that an innovation lasts for longer than its check."""
 
 
 def settled(scene: Scene) -> None:
@@ -175,10 +175,10 @@ def settled(scene: Scene) -> None:
 
 
 def begun_without_sigma(scene: Scene, q_angle_times: int = 1) -> None:
-    """A new run, armed at the first moment at which the board allows it. Its R is constant, and its table has no unit
-    of variance, so that an innovation counts from 15 deg on: a tuning with a large R asks for 6 sigma, and another
-    check would be first. Its Q grows with the period once more than a tuning's, so that the filter takes on as much a
-    second at each."""
+    """Begin a new run, and arm as soon as the board allows it. R is constant and the table has no unit of variance, so
+    that an innovation counts from 15 deg on; with a unit, a large R would require 6 sigma, and another check would act
+    first. Q has one more factor of the period than in a tuning, so that the gain per second is the same at every
+    period."""
     scene.session.end()
     table = by_name(parameter_table.read_table(scene.session))
     changes = {parameters.UNIT: 0, R_GAIN: 0}
@@ -191,12 +191,13 @@ def begun_without_sigma(scene: Scene, q_angle_times: int = 1) -> None:
 
 
 def armed_with_high_gain(scene: Scene) -> None:
-    """A filter that takes on more than 2 a second, as one does soon after its start: of a large Q, here for good."""
+    """A filter with a gain above 2 per second, as soon after its start; a large Q keeps the gain high here."""
     begun_without_sigma(scene, 64)
 
 
 def turned_slowly(scene: Scene) -> None:
-    """Settled, then turned so slowly that gyro and accelerometer keep within 15 deg in 0.25 s: the innovation tells."""
+    """Settle, then turn so slowly that gyro and accelerometer differ by less than 15 deg in 0.25 s: only the innovation
+    shows it."""
     begun_without_sigma(scene)
     settled(scene)
     turned(TURNED_DEG, SLOWLY_S)(scene)
@@ -204,11 +205,11 @@ def turned_slowly(scene: Scene) -> None:
 
 
 TURNED_DEG = 28.0
-"""An innovation of so much is 15 deg after 300 ms of a filter that takes on 2 a second."""
+"""An innovation of this size falls to 15 deg after 300 ms with a gain of 2 per second."""
 SLOWLY_S = 0.4
 
 LIMITS = {ACCEL: "force", INNOVATION: "innovation", RATE: "rate"}
-"""Limit of each check of plausibility, which has to act alone; other faults of sensors have the limit `sensor`."""
+"""Limit of the faults that only one check of plausibility can find; other faults of sensors have the limit `sensor`."""
 
 _ANALOG = tuple(
     Fault(name, "sensors", what, inject, LIMITS.get(told, "sensor"), told, ANALOG,

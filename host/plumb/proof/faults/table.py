@@ -28,7 +28,8 @@ def tested_systems() -> list[str]:
 
 
 def chosen(patterns: Sequence[str]) -> list[Fault]:
-    """Faults by name or group, with * and ?; all without a pattern. Raises UsageError for a pattern that fits none."""
+    """Faults by name or group, with * and ?; without a pattern all. Raises UsageError for a pattern that matches
+    none."""
     for pattern in patterns:
         if not any(fnmatch(fault.name, pattern) or fnmatch(fault.group, pattern) for fault in FAULTS):
             raise UsageError(
