@@ -239,6 +239,25 @@ def test_filters(can: Controller, wide: bool, listed: bool) -> None:
     assert can.machine.can.match(frame(0x123 << 18, extended=True)) is None
 
 
+def test_of_filters_that_accept_a_frame_the_one_of_highest_priority_counts(can: Controller) -> None:
+    """32 bits before 16, then a list before a mask, then the lower number (RM0008 24.7.4)."""
+    can.start()
+    can.write(FMR, 1)
+    can.write(FA1R, 0)
+    can.write(FS1R, 0b0110)  # banks 1 and 2 have 32 bits
+    can.write(FM1R, 0b1101)  # bank 1 is a mask, the others are lists
+    can.write(FFA1R, 0)
+    narrow, wide = 0x123 << 5, 0x123 << 21
+    for bank, words in enumerate([(narrow, narrow), (wide, 0xFFFFFFFF), (0, wide), (narrow, narrow)]):
+        for place, word in enumerate(words):
+            can.write(CAN + 0x240 + 8 * bank + 4 * place, word)
+    for active, index in ((0b1111, 6), (0b1011, 4), (0b1001, 0), (0b1000, 7)):
+        can.write(FMR, 1)
+        can.write(FA1R, active)
+        can.write(FMR, 0)
+        assert can.machine.can.match(frame(0x123)) == (0, index)
+
+
 @pytest.mark.parametrize(("mode", "last"), [(0, 5), (RFLM, 3)])
 def test_a_full_fifo(can: Controller, mode: int, last: int) -> None:
     can.start(mode)

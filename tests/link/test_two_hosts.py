@@ -6,8 +6,6 @@ The sequences are the same every time; PLUMB_LONG=1 draws new ones for some minu
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
@@ -17,6 +15,7 @@ from plumb.link.identity import BLOCKING_FAULTS
 from plumb.spec import parameters
 from support.campaigns import LONG, campaign
 from support.two_hosts import IDENTITY_MS, Link, TwoHosts
+from support.two_hosts_model import CLOSED, COMMAND, HELLO, SAMPLES, SENSORS_SAY, SILENCE, BoardModel, LinkModel
 
 STATUS_MS = 105
 """An open link gets STATUS and EVENTS every 100 ms."""
@@ -26,11 +25,6 @@ CAN_SILENCE_US = 2_000_000
 READY_MS = 3000
 NEUTRAL = 2000
 MODES = {None: 0, "LOCKSTEP": 1, "REALTIME_INJECTED": 2, "REALTIME_LIVE": 2}
-HELLO, IDLE, IN_LOCKSTEP, FAULT, CLOSED, SILENCE, COMMAND, SAMPLES, OWNER = (
-    1 << bit for bit in (0, 1, 2, 3, 4, 5, 6, 7, 13)
-)
-SENSORS_SAY = 1 << 11 | 1 << 12
-"""Implausible, not ready: what the sensors decide, not the hosts."""
 DEFAULTS = [row.default for row in parameters.table()]
 ROWS = {row.name: place for place, row in enumerate(parameters.table())}
 VALUES = [("period_us", value) for value in (2500, 5000, 20_000)] + [("arm_hold_ms", value) for value in (0, 300)]
@@ -41,57 +35,6 @@ ASKER = 0xA5F00001
 NEED_GREETING = ("PARAM_SET", "PARAM_COMMIT", "RUN_BEGIN", "SAMPLE_A", "SETPOINT")
 
 links = st.sampled_from(Link)
-
-
-@dataclass
-class LinkModel:
-    open: bool = False
-    read_only: bool = False
-    greeted: bool = False
-    heard_us: int = field(default=0, repr=False)
-
-    @property
-    def lets_in(self) -> bool:
-        return self.open and not self.read_only
-
-
-@dataclass
-class BoardModel:
-    """What docs/reference/protocol.md says of a board that was just started."""
-
-    in_use: list[int]
-    source: int
-    link: dict[Link, LinkModel] = field(default_factory=lambda: {link: LinkModel() for link in Link})
-    run: str | None = None
-    owner: Link | None = None
-    tag: int | None = None
-    step: int = 0
-    armed: bool = False
-    at_arming: list[int] = field(default_factory=list)
-    cause: int = 0
-    staged: list[int] | None = None
-    staged_by: Link | None = None
-
-    def disarm(self, cause: int) -> None:
-        if self.armed:
-            self.armed, self.cause = False, cause
-
-    def lose(self, link: Link, cause: int) -> None:
-        """The host of a link is gone."""
-        if self.owner is link:
-            self.disarm(cause)
-
-    def blocked(self, link: Link, fault: bool) -> int:
-        """STATUS.blocked on this link, but for SENSORS_SAY."""
-        there = self.link[link]
-        return (
-            HELLO * (not there.greeted)
-            | IDLE * (self.run is None)
-            | IN_LOCKSTEP * (self.run == "LOCKSTEP")
-            | FAULT * fault
-            | CLOSED * (not there.lets_in)
-            | OWNER * (self.run is not None and self.owner is not link)
-        )
 
 
 class Hosts(RuleBasedStateMachine):

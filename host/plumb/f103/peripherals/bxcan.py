@@ -1,5 +1,5 @@
 """bxCAN (RM0008 chapter 24): modes, bit timing, three transmit mailboxes, fourteen filter banks, two FIFOs of three,
-error counters and bus-off. The bus itself is in canwire.py.
+error counters and bus-off. Which frames the filters accept is in bxcan_filters.py, the bus itself in canwire.py.
 
 Not modelled: time-triggered communication, wake-up by bus activity. In loop back and silent mode the model is off the
 bus.
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from plumb.f103.attached.canwire import ACK, CanWire, WireFrame
 from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_S
+from plumb.f103.peripherals.bxcan_filters import BANKS, IDE, RTR, Filters, identifier_word, match
 
 if TYPE_CHECKING:
     from plumb.f103.core.mcu import Mcu
@@ -23,9 +24,9 @@ INAK, SLAK, ERRI = 1, 2, 4
 RFOM, FOVR, FULL = 32, 16, 8
 TMEIE, ERRIE = 1, 1 << 15
 EWGF, EPVF, BOFF = 1, 2, 4
-TXRQ, RTR, IDE = 1, 2, 4
+TXRQ = 1
 TX_IRQ, RX0_IRQ, RX1_IRQ, SCE_IRQ = 19, 20, 21, 22
-MAILBOXES, BANKS, DEPTH = 3, 14, 3
+MAILBOXES, DEPTH = 3, 3
 TX_WORDS, RX_WORDS = ("ti", "tdt", "tdl", "tdh"), ("ri", "rdt", "rdl", "rdh")
 TEST_MODES = 3 << 30
 """SILM and LBKM of BTR: silent and loop back."""
@@ -239,29 +240,8 @@ class Bxcan(Peripheral):
         return self._matches[key]
 
     def _search(self, frame: WireFrame) -> tuple[int, int] | None:
-        head = frame.identifier << 3 | IDE if frame.extended else frame.identifier << 21
-        head |= RTR if frame.remote else 0
-        short = (head >> 21) << 5 | bool(head & RTR) << 4 | bool(head & IDE) << 3 | (head >> 18) & 7
-        best: tuple[int, int, int, int] | None = None
-        next_index = [0, 0]
-        for bank in range(BANKS):
-            bit = 1 << bank
-            wide, listed = bool(self.fs1r & bit), bool(self.fm1r & bit)
-            fifo = int(bool(self.ffa1r & bit))
-            low, high = getattr(self, f"f{bank}r1"), getattr(self, f"f{bank}r2")
-            if wide:
-                wanted = [(low, 0xFFFFFFFE), (high, 0xFFFFFFFE)] if listed else [(low, high & 0xFFFFFFFE)]
-            else:
-                halves = [low & 0xFFFF, low >> 16, high & 0xFFFF, high >> 16]
-                wanted = [(h, 0xFFFF) for h in halves] if listed else [(halves[0], halves[1]), (halves[2], halves[3])]
-            for i, (identifier, mask) in enumerate(wanted):
-                index = next_index[fifo] + i
-                hit = self.fa1r & bit and not ((head if wide else short) ^ identifier) & mask
-                rank = (not wide, not listed, index, fifo)
-                if hit and (best is None or rank < best):
-                    best = rank
-            next_index[fifo] += len(wanted)
-        return None if best is None else (best[3], best[2])
+        banks = [(getattr(self, f"f{bank}r1"), getattr(self, f"f{bank}r2")) for bank in range(BANKS)]
+        return match(Filters(banks, self.fm1r, self.fs1r, self.ffa1r, self.fa1r), frame)
 
     # Modes
 
@@ -466,8 +446,7 @@ class Bxcan(Peripheral):
                 return 0
             frame, index = self.fifo[number][0]
             if kind == "ri":
-                head = frame.identifier << 3 | IDE if frame.extended else frame.identifier << 21
-                return head | (RTR if frame.remote else 0)
+                return identifier_word(frame)
             if kind == "rdt":
                 return index << 8 | len(frame.data)
             low = 0 if kind == "rdl" else 4
