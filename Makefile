@@ -62,13 +62,15 @@ image: ## the flash image, and the core as a program for QEMU
 images: ## the flash images by name, each system alone, sets, all; each checked; NAMES="quad ..." for some
 	@$(VENV)/python tools/build_images.py $(NAMES)
 
-# The C core on this machine: the shared library that Python loads, and the C tests.
 CONFIRMED_RUNS := 1000
-confirm-campaigns: ## CONFIRMED_RUNS short runs of each system, every step once more on the virtual board
+# Twelve seconds reach into the motion of every scenario: some begin with ten at rest.
+CONFIRMED_SECONDS := 12
+confirm-campaigns: ## CONFIRMED_RUNS runs of each system, every step once more on the virtual board
 	@$(MAKE) --no-print-directory image libraries
 	@for system in $$($(VENV)/python -c 'from plumb.spec import declarations; print(*declarations.names())'); do \
-	    $(VENV)/plumb campaign $$system --runs $(CONFIRMED_RUNS) --seconds 4 --confirm virtual || exit 1; done
+	    $(VENV)/plumb campaign $$system --runs $(CONFIRMED_RUNS) --seconds $(CONFIRMED_SECONDS) --confirm virtual || exit 1; done
 
+# The C core on this machine: the shared library that Python loads, and the C tests.
 native: ## the C core on this machine, and the C tests
 	@cmake --preset native $(QUIET)
 	@cmake --build --preset native $(QUIET)

@@ -9,11 +9,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import plumb
 from plumb.__main__ import main
+from plumb.boards.contract import Answer
+from plumb.boards.fixed import FixedBoard
 from plumb.campaign import batch, campaign, folder, workers
 from plumb.campaign.campaign import Where
 from plumb.campaign.results import Results
@@ -162,6 +165,38 @@ def test_another_board_confirms_every_run(capsys: pytest.CaptureFixture[str]) ->
     words = ["campaign", "quad", "--runs", "3", "--seconds", "2", "--workers", "1", "--confirm", "fixed", "--json"]
     assert main(words) == 0
     assert json.loads(capsys.readouterr().out)["metrics"]["confirmed_mismatches"]["max"] == 0
+
+
+def test_a_run_that_another_board_gives_otherwise_is_named_with_its_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of four runs the board gives one step of the third one otherwise."""
+    right, asked = FixedBoard.run_injected, []
+
+    def wrong(board: FixedBoard, *given: Any) -> Answer:  # Any: as the board has them
+        answer = right(board, *given)
+        asked.append(answer)
+        if len(asked) == 3:
+            answer.digests[7] ^= 1
+        return answer
+
+    monkeypatch.setattr(FixedBoard, "run_injected", wrong)
+    words = ["campaign", "quad", "--runs", "4", "--seconds", "2", "--workers", "1", "--confirm", "fixed"]
+    assert main([*words, "--out", str(tmp_path)]) == 1
+    said = capsys.readouterr().out
+    assert "confirmed: 3 of 4 runs are the same on fixed in every step" in said
+    command = "plumb run quad --board fixed --seed 1002 --seconds 2"
+    assert f"differs: 1 of 100 steps ({command})" in said
+    differing = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["differing"]
+    assert differing == [{"seed": 1002, "steps": 1, "command": command}]
+    assert command in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_command_that_confirms_has_link_and_board() -> None:
+    study = from_table({**STUDY, "confirm": "virtual", "link": "can"})
+    assert study.confirming_command(0).startswith("plumb run quad --board virtual --link can --seed 1000 ")
+    study = from_table({**STUDY, "confirm": "qemu", "vary": {"tuning.trust.r_deg2": [0.2, 0.3]}})
+    assert study.confirming_command(1).endswith(" --confirm qemu")
 
 
 def test_the_folder_has_the_runs_a_summary_and_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

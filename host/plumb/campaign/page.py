@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from plumb.campaign.against import Difference
-from plumb.campaign.results import Results
+from plumb.campaign.results import CONFIRMED, Results
 from plumb.campaign.statistics import Effect, Figure, Point, worst
 from plumb.campaign.study import Study
 from plumb.proof.report import ESTIMATE, Plot, Statement, Table, page
@@ -16,7 +16,7 @@ from plumb.proof.xy_plot import Axis, Curve, XyPlot
 from plumb.spec.arrays import FloatArray
 
 BARS = 40
-FAILED_SHOWN = 20
+NAMED = 20
 EFFECTS_SHOWN = 12
 POINT_FIGURES = 3
 
@@ -42,6 +42,7 @@ def text(
     parts += [effect_table(effects)] if effects else []
     parts += [worst_table(study, results, name) for name in list(figures)[:2]]
     parts += [failed_table(study, results)] if results.failed else []
+    parts += [differing_table(study, results)] if results.differing else []
     parts.append(Table("Identity", ["", ""], [(name, value) for name, value in rows(identity)]))
     lead = (
         f"{len(results)} runs from seed {study.first_seed} on: {study.described()}. An interval is the 95 % interval "
@@ -126,7 +127,27 @@ def worst_table(study: Study, results: Results, metric: str) -> Table:
 def failed_table(study: Study, results: Results) -> Table:
     lines = [
         [str(results.seed[place]), str(results.error[place]), study.command(int(results.index[place]))]
-        for place in results.failed[:FAILED_SHOWN]
+        for place in results.failed[:NAMED]
     ]
-    note = f"{len(results.failed)} in all." if len(results.failed) > FAILED_SHOWN else ""
+    note = f"{len(results.failed)} in all." if len(results.failed) > NAMED else ""
     return Table("Runs that failed", ["seed", "reason", "repeats it"], lines, note)
+
+
+def confirmed(study: Study, results: Results) -> Statement:
+    """Whether the board that confirms gives every step of every run."""
+    asked, differing = len(results) - len(results.failed), len(results.differing)
+    text = f"{asked - differing} of {asked} runs are the same on {study.confirm} in every step"
+    return Statement("confirmed", text, not differing)
+
+
+def differing_table(study: Study, results: Results) -> Table:
+    lines = [
+        [
+            str(results.seed[place]),
+            f"{results.metrics[CONFIRMED][place]:.0f} of {results.steps[place]}",
+            study.confirming_command(int(results.index[place])),
+        ]
+        for place in results.differing[:NAMED]
+    ]
+    note = f"{len(results.differing)} in all." if len(results.differing) > NAMED else ""
+    return Table(f"Runs that {study.confirm} gives otherwise", ["seed", "steps", "repeats it there"], lines, note)

@@ -10,15 +10,15 @@ from typing import Any
 from plumb.campaign import against, page, results, statistics
 from plumb.campaign.against import Difference
 from plumb.campaign.factors import GRID
-from plumb.campaign.results import Results
+from plumb.campaign.results import CONFIRMED, Results
 from plumb.campaign.statistics import Effect, Figure, Point, Share
 from plumb.campaign.study import Study
 from plumb.errors import UsageError
 from plumb.proof import run_identity
 from plumb.proof.report import Statement
 
-CONFIRMED = "confirmed_mismatches"
-"""Steps that another board gives otherwise."""
+SHOWN = 5
+"""Runs that are named, of those that failed and of those that differ."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,21 @@ class Report:
             }
             for place in self.results.failed
         ]
+        differing = [
+            {
+                "seed": int(self.results.seed[place]),
+                "steps": int(self.results.metrics[CONFIRMED][place]),
+                "command": self.study.confirming_command(int(self.results.index[place])),
+            }
+            for place in self.results.differing
+        ]
         return {
             "system": self.study.system,
             "runs": len(self.results),
             "metrics": statistics.to_json(self.figures),
             "worst": {name: self.study.command(one.worst_index) for name, one in self.figures.items()},
             "failed": failed,
+            **({"differing": differing} if CONFIRMED in self.results.metrics else {}),
             "effects": [
                 {"factor": one.factor, "metric": one.metric, "share": one.share, "levels": one.levels}
                 for one in self.effects
@@ -74,12 +83,24 @@ class Report:
             lines.append(f"{most.factor} explains {100.0 * most.share:.0f} % of the variance of {most.metric}")
         lines += [str(one) for one in self.shares]
         lines += [f"against: {one}" for one in self.differences]
-        for place in self.results.failed[:5]:
+        for place in self.results.failed[:SHOWN]:
             command = self.study.command(int(self.results.index[place]))
             lines.append(f"failed: {self.results.error[place]} ({command})")
-        if len(self.results.failed) > 5:
+        if len(self.results.failed) > SHOWN:
             lines.append(f"failed: {len(self.results.failed)} in all")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self._confirmed_lines()])
+
+    def _confirmed_lines(self) -> list[str]:
+        """What the board that confirms has said; []: none was asked."""
+        if CONFIRMED not in self.results.metrics:
+            return []
+        differing = self.results.differing
+        lines = [str(page.confirmed(self.study, self.results))]
+        for place in differing[:SHOWN]:
+            command = self.study.confirming_command(int(self.results.index[place]))
+            steps = int(self.results.metrics[CONFIRMED][place])
+            lines.append(f"differs: {steps} of {self.results.steps[place]} steps ({command})")
+        return lines
 
     def _point_lines(self) -> list[str]:
         """The combinations, one a line, with the figures that the study limits, else the first one."""
@@ -101,7 +122,8 @@ class Report:
         """Name -> content of the files of a folder."""
         about = {"identity": self.identity, "study": self.study.to_json(), "study_sha256": self.study.sha256()}
         summary = {**self.to_json(), **about}
-        said = [Statement("limit", str(one), None) for one in self.shares]
+        said = [page.confirmed(self.study, self.results)] if CONFIRMED in self.results.metrics else []
+        said += [Statement("limit", str(one), None) for one in self.shares]
         html = page.text(
             self.study, self.results, self.figures, self.effects, self.points, self.differences, said, self.identity
         )

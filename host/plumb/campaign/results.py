@@ -20,6 +20,8 @@ from plumb.spec.arrays import FloatArray
 
 COLUMNS = ("index", "seed", "steps", "digest", "error")
 """Of every campaign, before its factors and its metrics."""
+CONFIRMED = "confirmed_mismatches"
+"""Metric: steps of a run that another board gives otherwise."""
 
 
 class Results:
@@ -49,6 +51,11 @@ class Results:
     def failed(self) -> list[int]:
         """Places of the runs that failed."""
         return [place for place, error in enumerate(self.error) if error is not None]
+
+    @property
+    def differing(self) -> list[int]:
+        """Places of the runs of which another board gives a step otherwise."""
+        return [int(place) for place in np.flatnonzero(self.metrics.get(CONFIRMED, np.zeros(0)) > 0.0)]
 
     def columns(self) -> dict[str, Any]:  # Any: columns of several types
         """Every column by name."""

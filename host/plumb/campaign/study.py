@@ -188,6 +188,14 @@ class Study:
         said += [f"{name} {number:g}" for name, number in self.conditions.items()] + list(self.faults)
         return ", ".join(said + ([f"varied: {', '.join(factor.name for factor in self.vary)}"] if self.vary else []))
 
+    def confirming_command(self, index: int) -> str:
+        """The command line that repeats run `index` on the board that confirms."""
+        link = [] if self.link == "serial" else ["--link", self.link]
+        before, native, after = self.command(index).partition("--board native")
+        if native:
+            return f"{before}--board {shlex.join([self.confirm or '', *link])}{after}"
+        return f"{before} --confirm {shlex.join([self.confirm or '', *link])}"
+
     def command(self, index: int) -> str:
         """The command line that repeats run `index`."""
         replay = self.replay(index)

@@ -123,9 +123,7 @@ def main(arguments: argparse.Namespace) -> int:
             f"files: {', '.join(str(arguments.out / name) for name in files)}",
         ]
     print(json.dumps(said.to_json()) if arguments.json else "\n".join([said.text(), *written]))
-    differ = found.metrics.get("confirmed_mismatches")
-    bad = bool(found.failed) or (differ is not None and bool((differ > 0).any()))
-    return ExitCode.BAD_VERDICT if bad else ExitCode.GOOD
+    return ExitCode.BAD_VERDICT if found.failed or found.differing else ExitCode.GOOD
 
 
 def _known(path: Path | None) -> bool:
