@@ -157,7 +157,7 @@ def tasks(names: Iterable[str], seeds: Iterable[int]) -> Iterator[Task]:
 
 def whole(system: str, scenario: str, tunings: Sequence[str], loop: str) -> list[None]:
     """[None], the scenario's own length; [] where the limits of all these tunings are declared."""
-    asked = systems.load(system, FIGURES).LIMITS
+    asked = systems.load(system, FIGURES).LIMITS if system in systems.with_part(FIGURES.name) else {}
     declared = [any(limit.metric == limits.RMS for limit in asked.get((scenario, one, loop), ())) for one in tunings]
     return [] if all(declared) else [None]
 
@@ -228,7 +228,8 @@ def main() -> int:
         return 1 if lacking else 0
     first = limits.SEEDS.start if given.unseen is None else given.unseen
     seeds = range(first, first + given.seeds)
-    fast = [name for name in given.system if hasattr(systems.load(name, FIGURES), "errors_side_by_side")]
+    with_figures = [name for name in given.system if name in systems.with_part(FIGURES.name)]
+    fast = [name for name in with_figures if hasattr(systems.load(name, FIGURES), "errors_side_by_side")]
     rows = list(measured(list(tasks([name for name in given.system if name not in fast], seeds)), given.record))
     rows += [row for name in fast for row in at_once(name, seeds)]
     if given.unseen is not None:
@@ -246,7 +247,11 @@ def main() -> int:
         return 1 if missed else 0
     for name in given.system:
         path = declarations.system(name).judging / limits.FILE
-        path.write_text(tables(name, [row for row in rows if row[0].system == name]))
+        text = tables(name, [row for row in rows if row[0].system == name])
+        if text == FIRST:
+            print(f"{name}: no angle of it is compared with a truth; it needs no {limits.FILE}")
+            continue
+        path.write_text(text)
         print(path)
     return 0
 

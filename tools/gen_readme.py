@@ -22,7 +22,7 @@ from pathlib import Path
 
 from plumb.proof import figures
 from plumb.proof.figures import Figure
-from plumb.systems import SYSTEMS
+from plumb.systems import with_part
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
@@ -45,6 +45,7 @@ COMMANDS = {
     "study": ["-m", "plumb", "campaign", "examples/studies/quad_default.toml"],
 }
 NAMES = [*COMMANDS, "systems", "headlines"]
+WITH_FIGURES = with_part(figures.FIGURES.name)
 TABLE = re.compile(r"`plumb (systems --table --system \w+(?: --seeds \d+)?)` prints this table")
 MACHINE_DEPENDENT = ("native Kalman steps:", "link frames parsed:")
 
@@ -62,7 +63,7 @@ def answer(name: str) -> str:
 def rows() -> list[tuple[str, Figure]]:
     """Every figure, with the name of its system."""
     found = []
-    for system in SYSTEMS:
+    for system in WITH_FIGURES:
         command = TABLE.search((ROOT / "docs/systems" / f"{system}.md").read_text(encoding="utf-8"))
         if command is None:
             raise SystemExit(f"docs/systems/{system}.md does not say which command prints its table")
@@ -105,7 +106,7 @@ def main() -> int:
     names = arguments.name or NAMES
     pages = {"demo": [README], "python": [README], "bench": [COST], "headlines": [README]}
     pages["study"] = [ROOT / "docs/systems/quad.md"]
-    pages["systems"] = [ALL_SYSTEMS, *(ROOT / "docs" / "systems" / f"{system}.md" for system in SYSTEMS)]
+    pages["systems"] = [ALL_SYSTEMS, *(ROOT / "docs" / "systems" / f"{system}.md" for system in WITH_FIGURES)]
     blocks = [(page, name) for name in names for page in pages[name]]
     stale = False
     for page, name in blocks:

@@ -28,10 +28,21 @@ def kinds(name: str) -> Iterator[tuple[str, str, str, bool]]:
                 yield from ((scenario, tuning, loop, shorter) for shorter in (False, True))
 
 
+def run_of(name: str) -> runs.Run:
+    """A run of the default scenario and tuning on the native core."""
+    system = systems.load(name)
+    scenario = system.scenario(system.DEFAULT_SCENARIO, 3, seconds=12.0)
+    params = quantise(fitted(scenario, system.TUNINGS[system.DEFAULT_TUNING]))
+    return runs.open_loop(NativeBoard(), runs.prescribed(scenario), params)
+
+
 @pytest.mark.parametrize("name", systems.SYSTEMS)
 def test_a_run_of_any_scenario_is_judged(name: str) -> None:
     for scenario, tuning, loop, shorter in kinds(name):
         found = limits.judged({limits.RMS: FAR_DEG}, limits_of(name, scenario, tuning, loop, shorter=shorter))
+        if found.verdict is None:  # only where there is no angle to judge
+            assert run_of(name).metrics()[limits.RMS] is None, (scenario, tuning, loop, shorter)
+            return
         assert found.verdict == "fail", (scenario, tuning, loop, shorter)
         assert found.text.startswith("93 deg rms — outside the limit: at most ")
 
@@ -49,13 +60,12 @@ TURNED = {"tilt_deg", "pitch_deg"}
 @pytest.mark.parametrize("name", systems.SYSTEMS)
 def test_an_estimate_93_deg_off_is_bit_exact_and_not_accurate(name: str) -> None:
     """The truth is turned, the integers stay."""
-    system = systems.load(name)
-    scenario = system.scenario(system.DEFAULT_SCENARIO, 3, seconds=12.0)
-    params = quantise(fitted(scenario, system.TUNINGS[system.DEFAULT_TUNING]))
-    run = runs.open_loop(NativeBoard(), runs.prescribed(scenario), params)
+    system, run = systems.load(name), run_of(name)
     heading = {"scenario": system.DEFAULT_SCENARIO, "tuning": system.DEFAULT_TUNING, "loop": "open"}
-    summary = run.summary(**heading)
-    assert (summary["verdict"], summary["bit_exact"], summary["accuracy"]) == ("pass", True, "pass")
+    summary, judged = run.summary(**heading), run.metrics()[limits.RMS] is not None
+    assert (summary["verdict"], summary["bit_exact"], summary["accuracy"]) == ("pass", True, "pass" if judged else None)
+    if not judged:
+        return
     truth = run.inputs.truth
     turned = {key: values + FAR_DEG * (key in TURNED) for key, values in truth.items()}
     if "attitude_w" in truth:  # about the body's x
@@ -64,10 +74,6 @@ def test_an_estimate_93_deg_off_is_bit_exact_and_not_accurate(name: str) -> None
         rotated = (cosine * w - sine * x, cosine * x + sine * w, cosine * y + sine * z, cosine * z - sine * y)
         turned |= {f"attitude_{axis}": values for axis, values in zip("wxyz", rotated, strict=True)}
     if "up_x" in truth:  # the same turn, of a vertical
-        cosine, sine = np.cos(np.radians(FAR_DEG)), np.sin(np.radians(FAR_DEG))
-        y, z = truth["up_y"], truth["up_z"]
-        turned |= {"up_y": cosine * y - sine * z, "up_z": sine * y + cosine * z}
-    if "up_x" in truth:  # about the body's x
         cosine, sine = np.cos(np.radians(FAR_DEG)), np.sin(np.radians(FAR_DEG))
         y, z = truth["up_y"], truth["up_z"]
         turned |= {"up_y": cosine * y - sine * z, "up_z": sine * y + cosine * z}

@@ -353,10 +353,10 @@ class RetunedStep(Protocol):
 
 @runtime_checkable
 class CheckedWords(Protocol):
-    """fixed.py of a system whose arithmetic is not made for all words within the ranges of the parameter table."""
+    """fixed.py of a system whose C refuses some parameter words (`plumb_NAME_params_valid`)."""
 
     def control_valid(self, p: Params, /) -> bool:
-        """Whether the core takes these words: those of one set, as they are in memory."""
+        """Whether the core accepts these words: those of one set, as they are in memory."""
 
 
 @runtime_checkable

@@ -23,6 +23,11 @@ def control_init(p: Params) -> ControlState:
     return ControlState()
 
 
+def control_valid(p: Params) -> bool:
+    """Every word is within its range."""
+    return bool(p["toy.dt_s_q32"] >= 1 and 0 <= p["toy.raw_max"] <= 32767 and 1 <= p["toy.share_q16"] <= 65536)
+
+
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: Integer) -> tuple[Integer, ...]:
     """One step: the values of its words, in the written order."""
     c.step += 1
