@@ -27,7 +27,7 @@ from second_chip.flash import FlashController
 from second_chip.i2c import I2c
 from second_chip.interrupts import Nvic
 from second_chip.pins import Afio, Port
-from second_chip.serial import Dma, Usart
+from second_chip.serial import Dma, Usart, Usart3
 from second_chip.spi import Spi
 from second_chip.timers import AdvancedTimer, Timer
 from second_chip.watchdogs import Iwdg, Wwdg
@@ -82,6 +82,7 @@ class Chip:
         self.flash_controller = FlashController(self)
         self.dma = Dma(self)
         self.uart = Usart(self)
+        self.usart3 = Usart3(self)
         self.can = BxCan(self)
         self.adc = Adc(self)
         self.i2c = I2c(self)
@@ -95,6 +96,7 @@ class Chip:
             0x40000800: self.tim4,
             0x40002C00: self.wwdg,
             0x40003000: self.iwdg,
+            0x40004800: self.usart3,
             0x40005400: self.i2c,
             0x40006400: self.can,
             0x40006C00: self.backup,
@@ -177,6 +179,7 @@ class Chip:
         for block in self.blocks.values():
             block.reset()
         self.uart.listen_again()
+        self.usart3.listen_again()
         self.can.listen_again()
         self.rcc.value["CSR"] |= flags
         self.resets += 1

@@ -1,4 +1,4 @@
-"""DMA1 and USART1 (RM0008 13.3 to 13.4, 27.3 and 27.6)."""
+"""DMA1, USART1 and USART3 (RM0008 13.3 to 13.4, 27.3 and 27.6)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from typing import ClassVar
 from second_chip.block import Block, Layout
 from second_chip.clocks import UNITS_HZ
 
-LINE_BAUD = 921600
-"""Of the host at the other end."""
 FRAME_BITS = 10
-CHANNEL_1_IRQ, USART1_IRQ = 11, 37
+CHANNEL_1_IRQ, USART1_IRQ, USART3_IRQ = 11, 37, 39
 TC, HT = 2, 4
 """Of a channel's four flags; bit 0 says that there is one."""
 PE, FE, NE, ORE, IDLE, RXNE, TXDONE, TXE = (1 << n for n in range(8))
@@ -108,6 +106,16 @@ class Usart(Block):
         0x14: ("CR3", 0, 0x7FF),
     }
     CLOCK = ("APB2ENR", 14)
+    IRQ = USART1_IRQ
+    LINE_BAUD = 921600
+    """Of the other end."""
+    RECEIVES: int | None = 5
+    SENDS: int | None = 4
+    """Channels of the DMA."""
+
+    def bus_clock(self) -> int:
+        """Period of the clock of its bus."""
+        return self.chip.rcc.pclk2()
 
     def reset(self) -> None:
         if not self.value:
@@ -135,7 +143,7 @@ class Usart(Block):
 
     def _next_byte(self) -> None:
         self._silence += 1
-        self.chip.after(FRAME_BITS * UNITS_HZ // LINE_BAUD, self._arrived)
+        self.chip.after(FRAME_BITS * UNITS_HZ // self.LINE_BAUD, self._arrived)
 
     def _arrived(self) -> None:
         self._receive(self._line.popleft())
@@ -143,7 +151,7 @@ class Usart(Block):
         if self._line:
             self._next_byte()
         else:
-            self.chip.after(FRAME_BITS * UNITS_HZ // LINE_BAUD, lambda: self._idle(silence))
+            self.chip.after(FRAME_BITS * UNITS_HZ // self.LINE_BAUD, lambda: self._idle(silence))
 
     def _pins(self) -> tuple[tuple[str, int], tuple[str, int]]:
         remapped = self.chip.afio.bit("MAPR", 2)
@@ -156,15 +164,15 @@ class Usart(Block):
     def _receive(self, byte: int) -> None:
         if not self._hears():
             return
-        bit = self.value["BRR"] * self.chip.rcc.pclk2()
-        good = abs(bit * LINE_BAUD / UNITS_HZ - 1) < 0.03
+        bit = self.value["BRR"] * self.bus_clock()
+        good = abs(bit * self.LINE_BAUD / UNITS_HZ - 1) < 0.03
         if self.value["SR"] & RXNE:
             self.value["SR"] |= ORE
         else:
             self._received = byte if good else byte ^ 0xFF
             self.value["SR"] |= RXNE | (0 if good else FE)
-            if self.value["CR3"] & 1 << 6:
-                self.chip.dma.request(5)
+            if self.value["CR3"] & 1 << 6 and self.RECEIVES:
+                self.chip.dma.request(self.RECEIVES)
         self._raise()
 
     def _idle(self, silence: int) -> None:
@@ -179,7 +187,7 @@ class Usart(Block):
         wanted = control & (IDLE | RXNE | TXDONE | TXE)
         high = status & wanted or (control & RXNE and status & ORE)
         errors = self.value["CR3"] & 1 and self.value["CR3"] & 1 << 6 and status & (FE | NE | ORE)
-        self.chip.nvic.line(USART1_IRQ, bool(high or errors))
+        self.chip.nvic.line(self.IRQ, bool(high or errors))
 
     def read_SR(self) -> int:
         self._status_read = True
@@ -214,14 +222,14 @@ class Usart(Block):
 
     def feed(self) -> None:
         while self.value["CR1"] & 0x2008 == 0x2008 and self.value["SR"] & TXE and self.value["CR3"] & 1 << 7:
-            if not self.chip.dma.request(4):
+            if not self.SENDS or not self.chip.dma.request(self.SENDS):
                 break
 
     def _shift(self) -> None:
         if self._shifting is None and self._data is not None:
             self._shifting, self._data = self._data, None
             self.value["SR"] |= TXE
-            self.chip.after(FRAME_BITS * self.value["BRR"] * self.chip.rcc.pclk2(), self._shifted)
+            self.chip.after(FRAME_BITS * self.value["BRR"] * self.bus_clock(), self._shifted)
         self._raise()
 
     def _shifted(self) -> None:
@@ -234,3 +242,18 @@ class Usart(Block):
             self.value["SR"] |= TXDONE
         self._shift()
         self.feed()
+
+
+class Usart3(Usart):
+    """Not remapped. Its DMA channels, 2 and 3, are left to SPI1 here."""
+
+    CLOCK = ("APB1ENR", 18)
+    IRQ = USART3_IRQ
+    LINE_BAUD = 420000
+    RECEIVES = SENDS = None
+
+    def bus_clock(self) -> int:
+        return self.chip.rcc.pclk1()
+
+    def _pins(self) -> tuple[tuple[str, int], tuple[str, int]]:
+        return ("B", 10), ("B", 11)

@@ -45,7 +45,7 @@ from plumb.f103.peripherals.spi import Spi
 from plumb.f103.peripherals.tim import Pwm, Timer
 from plumb.f103.peripherals.tim1 import Bridge, Tim1
 from plumb.f103.peripherals.tim2 import REMAPPED_PINS, Tim2
-from plumb.f103.peripherals.usart import Usart
+from plumb.f103.peripherals.usart import Usart1, Usart3
 from plumb.f103.peripherals.wwdg import Wwdg
 from plumb.f103.snapshot import Snapshot
 from plumb.f103.uart_stream import UartStream
@@ -169,7 +169,7 @@ class Machine:
         self.core_debug, self.dwt, self.dbgmcu = CoreDebug(self), Dwt(self), DbgMcu(self)
         self.flash, self.rcc, self.dma, self.afio = Flash(self), Rcc(self), Dma(self), Afio(self)
         self.ports = [Gpio(self, letter, 0x40010800 + 0x400 * i) for i, letter in enumerate("ABCDE")]
-        self.usart, self.adc1 = Usart(self), Adc(self)
+        self.usart, self.usart3, self.adc1 = Usart1(self), Usart3(self), Adc(self)
         self.tim3, self.tim4 = Timer(self, "TIM3", 0x40000400, 29), Timer(self, "TIM4", 0x40000800, 30)
         self.tim1, self.tim2 = Tim1(self), Tim2(self)
         self.i2c_bus = I2cBus(self)
@@ -178,7 +178,7 @@ class Machine:
         self.pwr, self.bkp = Pwr(self), Bkp(self)
         self.crc = Crc(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
-        rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.adc1]
+        rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.usart3, self.adc1]
         self.can = Bxcan(self)
         rest += [
             self.tim1,
@@ -282,6 +282,7 @@ class Machine:
         for peripheral in self.bus.peripherals:
             peripheral.reset()
         self.usart.from_host.clear()
+        self.usart3.from_host.clear()
         self.can.wire.power_off()
         self.powered = False
 

@@ -1,4 +1,5 @@
-"""USART1 (RM0008 chapter 27) with its line in both directions, byte times from BRR, by polling, interrupt or DMA.
+"""USART1 and USART3 (RM0008 chapter 27), each with its line in both directions, byte times from BRR, by polling or
+interrupt, USART1 by DMA, too.
 
 Bytes on DMA are moved in bursts: every access to the state (a status register, CNDTR, an event, the host) first brings
 it up to date. Not modelled: parity, half duplex, synchronous, LIN, smartcard and IrDA modes, flow control, mute.
@@ -14,12 +15,13 @@ from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_S
 
 if TYPE_CHECKING:
-    from plumb.f103.core.mcu import Mcu
+    from collections.abc import Sequence
+
+    from plumb.f103.core.mcu import DmaChannel, Mcu
 
 PE, FE, NE, ORE, IDLE, RXNE, TC, TXE = 1, 2, 4, 8, 16, 32, 64, 128
 RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, PEIE, M9, UE = 4, 8, 16, 32, 64, 128, 256, 1 << 12, 1 << 13
 EIE, DMAR, DMAT = 1, 64, 128
-IRQ = 37
 BAUD_TOLERANCE = 0.035
 """Relative difference of the two baud rates beyond which a receiver samples wrong bits (ten-bit frames, 16x
 sampling)."""
@@ -44,7 +46,24 @@ class Burst:
         return self.start + self.byte_ticks * len(self.data)
 
 
+class NoDma:
+    """In place of a DMA channel where none is modelled: it is never ready."""
+
+    ready, left = False, 0
+
+    def put(self, values: Sequence[int]) -> int:
+        return 0
+
+    def read_memory(self, units: int) -> bytes:
+        return b""
+
+    def until_flag(self) -> int:
+        return 0
+
+
 class Usart(Peripheral):
+    """A USART. host_baud: of the other end of its line."""
+
     REGISTERS = (
         Register("sr", 0x00, 0x00C0),
         Register("dr", 0x04),
@@ -59,18 +78,20 @@ class Usart(Peripheral):
     cr2: int
     cr3: int
 
-    def __init__(self, machine: Mcu) -> None:
-        super().__init__(machine, "USART1", 0x40013800)
+    CR3 = EIE
+    """The bits of CR3 that are modelled."""
+    TRACED = True
+    """A probe records its lines."""
+
+    def __init__(self, machine: Mcu, name: str, base: int, interrupt: int) -> None:
+        super().__init__(machine, name, base)
+        self.interrupt = interrupt
         self.host_baud = 921600
-        self.tx_dma, self.rx_dma = machine.dma.channels[3], machine.dma.channels[4]
-        self.tx_dma.served = self.rx_dma.served = self.base + 4
-        machine.dma.settle_before_reading(3, 4)
-        self.tx_dma.settle, self.tx_dma.changed = self._settle_tx_now, self._restart_dma
-        self.rx_dma.settle, self.rx_dma.changed = self._settle_rx_now, self._restart_dma
+        self.tx_dma: DmaChannel | NoDma = NoDma()
+        self.rx_dma: DmaChannel | NoDma = NoDma()
         self.to_host: deque[Burst] = deque()
         self.from_host: deque[Burst] = deque()
         self.host_line_free = 0
-        self.reset()
 
     def reset(self) -> None:
         super().reset()
@@ -83,8 +104,21 @@ class Usart(Peripheral):
         self.flags_read = 0
         self.idle_at = 0  # when the line will have been idle for a frame; 0: IDLE was already signalled
         self.tx_dma_from = 0
-        for name in ("usart tx", "usart tc", "usart rx"):
-            self.machine.timeline.cancel(name)
+        for what in ("tx", "tc", "rx"):
+            self.machine.timeline.cancel(self._event(what))
+
+    def _event(self, what: str) -> str:
+        """Name of an event of this USART in the timeline."""
+        return f"{self.name} {what}"
+
+    @property
+    def _bus_ticks(self) -> int:
+        """Period of the clock of its bus: APB2 for USART1, else APB1."""
+        return self.machine.rcc.pclk2_ticks if self.name == "USART1" else self.machine.rcc.pclk1_ticks
+
+    def _pins(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Port and pin of the transmitter, and of the receiver."""
+        raise NotImplementedError
 
     def _cut_off(self, now: int) -> None:
         """Drop the bytes that have not reached the host by now."""
@@ -95,11 +129,11 @@ class Usart(Peripheral):
 
     def _set_byte_time(self) -> None:
         bits = 10 + bool(self.cr1 & M9) + (self.cr2 >> 12 & 3 == 2)
-        self.byte_ticks = bits * max(self.brr, 1) * self.machine.rcc.pclk2_ticks
+        self.byte_ticks = bits * max(self.brr, 1) * self._bus_ticks
 
     @property
     def baud(self) -> float:
-        return TICKS_PER_S / (max(self.brr, 1) * self.machine.rcc.pclk2_ticks)
+        return TICKS_PER_S / (max(self.brr, 1) * self._bus_ticks)
 
     def _heard(self, data: bytes) -> tuple[bytes, int]:
         """Bytes as the other end receives them, garbled when the two baud rates differ, and the receiver's error
@@ -109,17 +143,15 @@ class Usart(Peripheral):
         return bytes((0xA5 ^ byte << 1) & 0xFF for byte in data), FE
 
     def _pin_works(self) -> bool:
-        port, pin = (1, 6) if self.machine.afio.mapr & 4 else (0, 9)
+        port, pin = self._pins()[0]
         works = self.machine.ports[port].is_alternate_output(pin)
-        if port == 1 and not self.machine.afio.mapr & 2:
-            self.machine.warn("USART1 is remapped while I2C1 is not: it does not come out of PB6")
-            return False
-        tim4 = self.machine.tim4
-        if port == 1 and tim4.clocked and tim4.ccer & 1:
-            self.machine.warn("USART1 and channel 1 of TIM4 are both switched to PB6")
         if not works:
-            self.machine.warn(f"USART1 sends, but P{'AB'[port]}{pin} is not an alternate-function output")
+            self.machine.warn(f"{self.name} sends, but P{'AB'[port]}{pin} is not an alternate-function output")
         return works
+
+    def _hears(self) -> bool:
+        port, pin = self._pins()[1]
+        return self.cr1 & (UE | RE) == UE | RE and not self.machine.ports[port].is_output(pin)
 
     # Transmitter
 
@@ -128,7 +160,7 @@ class Usart(Peripheral):
         self.tx_free = start + len(data) * self.byte_ticks
         self.tc, self.sending = False, True
         if self._pin_works():
-            if self.machine.probe is not None:
+            if self.machine.probe is not None and self.TRACED:
                 self.machine.probe.uart("TX", start, self.byte_ticks, data)
             self.to_host.append(Burst(start, self.byte_ticks, self._heard(data)[0]))
             self.machine.host_waits_no_more()
@@ -162,16 +194,16 @@ class Usart(Peripheral):
             start = max(self.tx_free, self.tx_dma_from)
             # The last unit moves into TDR when the shift register takes the one before it.
             last = start + (units - 2) * self.byte_ticks if units > 1 else start - self.byte_ticks
-            timeline.at("usart tx", max(last, self.tx_dma_from, self.tx_free - self.byte_ticks), self._on_event)
+            timeline.at(self._event("tx"), max(last, self.tx_dma_from, self.tx_free - self.byte_ticks), self._on_event)
             self.machine.host_waits_no_more()
         elif self.cr1 & TXEIE and self.tx_free - self.byte_ticks > self.machine.now:
-            timeline.at("usart tx", self.tx_free - self.byte_ticks, self._on_event)
+            timeline.at(self._event("tx"), self.tx_free - self.byte_ticks, self._on_event)
         else:
-            timeline.cancel("usart tx")
+            timeline.cancel(self._event("tx"))
         if self.cr1 & TCIE and self.sending:
-            timeline.at("usart tc", self.tx_free, self._on_event)
+            timeline.at(self._event("tc"), self.tx_free, self._on_event)
         else:
-            timeline.cancel("usart tc")
+            timeline.cancel(self._event("tc"))
 
     def settle(self, now: int) -> None:
         """Bring the transmitter up to date."""
@@ -214,7 +246,7 @@ class Usart(Peripheral):
         start = max(self.host_line_free, now)
         self.host_line_free = start + byte_ticks * len(data)
         if self.machine.powered and data:
-            if self.machine.probe is not None:
+            if self.machine.probe is not None and self.TRACED:
                 self.machine.probe.uart("RX", start, byte_ticks, data)
             data, garbled = self._heard(data)
             self.from_host.append(Burst(start, byte_ticks, data, errors | garbled))
@@ -238,7 +270,7 @@ class Usart(Peripheral):
         if self.idle_at and burst.used == 0 and burst.start >= self.idle_at:
             self.rx_flags |= IDLE
         burst.used += count
-        if self.cr1 & (UE | RE) != UE | RE:
+        if not self._hears():
             return
         self.idle_at = burst.start + burst.used * burst.byte_ticks + self.byte_ticks
         self.rx_flags |= burst.errors
@@ -276,9 +308,9 @@ class Usart(Peripheral):
         if self.idle_at and self.cr1 & IDLEIE and not (self.from_host and self.from_host[0].start < self.idle_at):
             times.append(self.idle_at)
         if times:
-            self.machine.timeline.at("usart rx", min(times), self._on_event)
+            self.machine.timeline.at(self._event("rx"), min(times), self._on_event)
         else:
-            self.machine.timeline.cancel("usart rx")
+            self.machine.timeline.cancel(self._event("rx"))
 
     # Both
 
@@ -311,7 +343,7 @@ class Usart(Peripheral):
             or (status & ORE and self.cr1 & RXNEIE)
             or (status & (FE | NE | ORE) and self.cr3 & EIE and self.cr3 & DMAR)
         )
-        self.machine.nvic.set_line(IRQ, bool(request) and bool(self.cr1 & UE))
+        self.machine.nvic.set_line(self.interrupt, bool(request) and bool(self.cr1 & UE))
 
     def _status(self) -> int:
         status = self.rx_flags | (TC if self.tc else 0)
@@ -357,7 +389,7 @@ class Usart(Peripheral):
         self._settle_tx(now)
         if self._tx_on():
             if self.tx_free - self.byte_ticks > now:
-                self.machine.warn("USART1_DR is written while TXE is 0; the byte is lost")
+                self.machine.warn(f"{self.name}_DR is written while TXE is 0; the byte is lost")
             else:
                 self._send(bytes([value & 0xFF]), now)
         self._plan()
@@ -371,22 +403,68 @@ class Usart(Peripheral):
 
     def write_brr(self, value: int) -> None:
         if self.cr1 & UE and value < 16:
-            raise SimulationError(f"USART1_BRR = {value}: a divider below 16 does not work")
+            raise SimulationError(f"{self.name}_BRR = {value}: a divider below 16 does not work")
         self._configure("brr", value & 0xFFFF)
 
     def write_cr1(self, value: int) -> None:
         if value & (1 << 10 | 1 << 1 | 1):
-            raise SimulationError(f"USART1_CR1 = 0x{value:04X}: parity, mute mode and break are not modelled")
+            raise SimulationError(f"{self.name}_CR1 = 0x{value:04X}: parity, mute mode and break are not modelled")
         if value & UE and self.brr < 16:
-            raise SimulationError(f"USART1 is enabled with BRR = {self.brr}: a divider below 16 does not work")
+            raise SimulationError(f"{self.name} is enabled with BRR = {self.brr}: a divider below 16 does not work")
         self._configure("cr1", value & 0x3FFF)
 
     def write_cr2(self, value: int) -> None:
         if value & 0x4F60:
-            raise SimulationError(f"USART1_CR2 = 0x{value:04X}: LIN and synchronous modes are not modelled")
+            raise SimulationError(f"{self.name}_CR2 = 0x{value:04X}: LIN and synchronous modes are not modelled")
         self._configure("cr2", value & 0x7F7F)
 
     def write_cr3(self, value: int) -> None:
-        if value & 0x073E:
-            raise SimulationError(f"USART1_CR3 = 0x{value:04X}: only DMA and the error interrupt are modelled")
+        if value & ~self.CR3:
+            raise SimulationError(f"{self.name}_CR3 = 0x{value:04X}: only DMA and the error interrupt are modelled")
         self._configure("cr3", value & 0x07FF)
+
+
+class Usart1(Usart):
+    """USART1, with its two DMA channels."""
+
+    CR3 = EIE | DMAR | DMAT
+
+    def __init__(self, machine: Mcu) -> None:
+        super().__init__(machine, "USART1", 0x40013800, 37)
+        channels = machine.dma.channels[3], machine.dma.channels[4]
+        for channel, settle in zip(channels, (self._settle_tx_now, self._settle_rx_now), strict=True):
+            channel.served = self.base + 4
+            channel.settle, channel.changed = settle, self._restart_dma
+        self.tx_dma, self.rx_dma = channels
+        machine.dma.settle_before_reading(3, 4)
+        self.reset()
+
+    def _pins(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        return ((1, 6), (1, 7)) if self.machine.afio.mapr & 4 else ((0, 9), (0, 10))
+
+    def _pin_works(self) -> bool:
+        port, _ = self._pins()[0]
+        if port == 1 and not self.machine.afio.mapr & 2:
+            self.machine.warn("USART1 is remapped while I2C1 is not: it does not come out of PB6")
+            return False
+        tim4 = self.machine.tim4
+        if port == 1 and tim4.clocked and tim4.ccer & 1:
+            self.machine.warn("USART1 and channel 1 of TIM4 are both switched to PB6")
+        return super()._pin_works()
+
+
+class Usart3(Usart):
+    """USART3 on PB10 and PB11, where it is not remapped; its DMA channels are not modelled."""
+
+    TRACED = False
+
+    def __init__(self, machine: Mcu) -> None:
+        super().__init__(machine, "USART3", 0x40004800, 39)
+        self.host_baud = 420000
+        self.reset()
+
+    def _pins(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        return (1, 10), (1, 11)
+
+    def _hears(self) -> bool:
+        return super()._hears() and not self.machine.afio.mapr & 3 << 4
