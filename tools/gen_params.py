@@ -35,8 +35,9 @@ def generate(system: int, groups: Collection[str]) -> dict[str, str]:
     """File name -> text. system: the number of the system in use with factory values; groups: those that are held."""
     rows = [replace(row, default=system) if row.name == "system" else row for row in table()]
     held = [row for row in rows if not row.group or row.group in groups]
-    own = [row for row in rows if row.owner == "link"]
+    own = [row for row in held if row.owner == "link"]
     live = [place for place, row in enumerate(held) if row.live]
+    assert not rows[-1].group, "params_crc32() needs a last row that every image holds"
     wide = [row.name for row in rows if row.live and not (row.min > -(2**31) and row.max < 2**31)]
     assert not wide, f"is_near() takes signed words and doubles their amounts: {wide}"
     places = [

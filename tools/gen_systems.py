@@ -138,7 +138,7 @@ def systems_h(built: Sequence[System]) -> str:
 USED = {
     "PULSES": ("the outputs to speed controllers", ("PULSES",)),
     "BRIDGE": ("the three-phase bridge, with its Hall sensors", ("BRIDGE", "BALANCE")),
-    "ROTORS": ("the outputs to the speed controllers of four rotors, and the receiver of a pilot", ("ROTORS",)),
+    "ROTORS": ("the outputs to the speed controllers of four rotors", ("ROTORS",)),
     "ANALOG": ("the analog inputs", ("ANALOG_3", "ANALOG_6")),
     "DIGITAL": ("the digital sensors", ("BALANCE", "SIX_AXES")),
 }
@@ -147,6 +147,7 @@ USED = {
 
 def used_parts_h(built: Iterable[System]) -> str:
     """used_parts.h: which parts of a board the systems of the image use."""
+    built = tuple(built)
     asked = {name for system in built for name in (system.output, system.sensors)}
     lines = [
         "#ifndef PLUMB_GENERATED_USED_PARTS_H",
@@ -155,6 +156,7 @@ def used_parts_h(built: Iterable[System]) -> str:
         "/* What the systems of this image use of a board. The code of the rest is left out of it: conditions on these",
         " * constants are decided when it is compiled. */",
         *(f"#define USED_{part} {int(bool(asked & set(by)))} /* {what} */" for part, (what, by) in USED.items()),
+        f"#define USED_RECEIVER {int(any('receiver' in system.parts for system in built))} /* the radio receiver */",
         "#define USED_ACTUATORS (USED_PULSES || USED_BRIDGE)",
         "",
     ]
@@ -236,8 +238,10 @@ def systems_c(built: Iterable[System]) -> str:
         lines += [f"    .saturated = PLUMB_{upper}_FLAGS_SATURATED,"]
         lines += [f"    .sensors = CONTROL_SENSORS_{system.sensors},"]
         lines += [f"    .counts = {system.counts}U,", f"    .inputs = {system.inputs}U,"]
-        if system.command_source == "owner":
+        if system.command_source in ("owner", "receiver"):
             lines += ["    .owner_alone = true,"]
+        if system.command_source == "receiver":
+            lines += ["    .has_receiver = true,"]
         if system.step_commands:
             lines += [f"    .commands = {system.name}_commands,"]
             lines += [f"    .command_count = {len(system.step_commands)}U,"]

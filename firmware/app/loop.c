@@ -5,6 +5,7 @@
 #include "board_actuators.h"
 #include "board_guard.h"
 #include "board_links.h"
+#include "board_receiver.h"
 #include "board_sensors.h"
 #include "generated/messages.h"
 #include "generated/used_parts.h"
@@ -38,6 +39,18 @@ static void receive(uint32_t now_us) {
         requests_receive_frame(&session, &frame, now_us);
     }
 }
+
+#if USED_RECEIVER
+/* Passes the bytes of the receiver to the session. */
+static void receive_sticks(void) {
+    uint8_t bytes[32];
+    size_t count;
+    do {
+        count = board_receiver_read(bytes, sizeof bytes);
+        session_receive_sticks(&session, bytes, count);
+    } while (count == sizeof bytes);
+}
+#endif
 
 /* Sends the session's output, as much as the UART and CAN accept. */
 static void transmit(void) {
@@ -208,6 +221,9 @@ void loop_turn(void) {
     board_turn();
     const uint32_t now_us = board_now_us();
     receive(now_us);
+#if USED_RECEIVER
+    receive_sticks();
+#endif
     const uint32_t faults = report(now_us);
     session_poll(&session, now_us);
     const session_orders_t orders = session_take_orders(&session, now_us);

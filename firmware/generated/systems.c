@@ -135,6 +135,7 @@ static const control_system_t quadrotor_system = {
     .counts = 6U,
     .inputs = 12U,
     .owner_alone = true,
+    .has_receiver = true,
     .commands = quadrotor_commands,
     .command_count = 5U,
     .noisy = 0x3FU,

@@ -22,7 +22,7 @@ typedef struct {
     link_t owner;     /* began the run: it alone may arm, its keep-alive holds the board armed, and it paces
                          lockstep. LINK_NONE: the arm switch began it */
     link_t samples;   /* it alone may send this run's samples */
-    link_t setpoints; /* it alone may send this run's setpoints */
+    link_t setpoints; /* it alone may send this run's setpoints. LINK_NONE: no host, the receiver sets them */
 } run_links_t;
 
 /* One injected sample with its setpoint. */

@@ -1,5 +1,4 @@
 #include "session.h"
-#include "generated/used_parts.h"
 #include <string.h>
 
 /* The ACK needs up to 3 ms on the UART after at most 93 ms of queued frames: the host receives it before the
@@ -81,8 +80,32 @@ void session_link_lost(session_t *s, link_t link, uint16_t cause) {
 
 /* ---- a turn: state of the board, and orders to it ---- */
 
+#if USED_RECEIVER
+void session_receive_sticks(session_t *s, const uint8_t *bytes, size_t count) {
+    receiver_push(&s->receiver, &s->buffers->crsf, bytes, count);
+}
+
+static bool has_receiver(const session_t *s) {
+    return s->params->receiver != 0U && control_system(&s->params->control)->has_receiver;
+}
+
+/* The sticks of a run in real time are the receiver's. */
+static void take_sticks(session_t *s) {
+    if (s->run.mode == RUN_REALTIME && has_receiver(s)) {
+        const receiver_t *const r = &s->receiver;
+
+        setpoint_of_board(&s->run.setpoint, r->throttle_q15, r->words, RECEIVER_WORDS);
+    }
+}
+#endif
+
 void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
     s->bootloader_asked = false;
+#if USED_RECEIVER
+    if (run != MESSAGE_RUN_BEGIN_RUN_LOCKSTEP && has_receiver(s)) {
+        links.setpoints = LINK_NONE;
+    }
+#endif
     run_begin(&s->run, run, links, control_system(&s->params->control));
     telemetry_begin(&s->telemetry);
     control_init(s->control, &s->params->control);
@@ -312,6 +335,9 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     arming_poll(&s->arming, arming_blocked(s, s->run.links.owner), now_us);
     issue_keepalive(s, now_us);
     setpoint_poll(&s->run.setpoint, session_armed(s), arming_driving(&s->arming), s->run.step, now_us);
+#if USED_RECEIVER
+    take_sticks(s);
+#endif
     send_news(s, now_us);
     send_words(s);
     send_long_replies(s, now_us);

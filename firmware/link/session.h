@@ -8,6 +8,7 @@
  *     run         injected samples, setpoints, step counter
  *     telemetry   frames that a step sends
  *     staging     parameters that are received but not yet in use
+ *     receiver    sticks and switches of a pilot, by radio
  *     arming      whether the actuator may be driven; readiness: whether the sensors allow it
  *     status      state of the board, sent periodically
  *
@@ -16,6 +17,7 @@
  *
  *     requests_receive()        bytes of the UART, at most requests_room()
  *     requests_receive_frame()  frames of CAN, while requests_frame_room()
+ *     session_receive_sticks()  bytes of the receiver, where an image has one
  *     session_report()          the state of the board
  *     session_poll()            may disarm
  *     session_take_orders()     orders to the board
@@ -28,9 +30,11 @@
 
 #include "arming.h"
 #include "commands.h"
+#include "generated/used_parts.h"
 #include "long_replies.h"
 #include "nonce.h"
 #include "readiness.h"
+#include "receiver.h"
 #include "run.h"
 #include "staging.h"
 #include "status.h"
@@ -48,6 +52,9 @@ typedef struct {
     run_buffers_t run;
     uint32_t digest[RUN_QUEUE_LENGTH];
     status_news_t news[LINKS];
+#if USED_RECEIVER
+    crsf_t crsf;
+#endif
 } session_buffers_t;
 
 /* State that decides whether and how an actuator moves: the board keeps a check word over all of it
@@ -64,6 +71,9 @@ typedef struct {
     arming_t arming;
     readiness_t readiness;
     status_t status;
+#if USED_RECEIVER
+    receiver_t receiver;
+#endif
     random_t random;
     nonce_t nonce[LINKS]; /* valid only on the link that asked for it */
     long_replies_t long_replies[LINKS];
@@ -106,6 +116,12 @@ void session_recover(session_t *s, session_buffers_t *buffers, const board_ident
 
 /* Pass the state of the board to the session. Call on every turn. */
 void session_report(session_t *s, const session_report_t *report, uint32_t now_us);
+
+#if USED_RECEIVER
+/* Handle bytes of the receiver. In a run in real time of a system that has one, while the parameter
+ * `receiver` is not 0, they set setpoint and commands, and no host does. */
+void session_receive_sticks(session_t *s, const uint8_t *bytes, size_t count);
+#endif
 
 /* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop after session_report(), at
  * least once per millisecond. */

@@ -1,5 +1,6 @@
 #include "setpoint.h"
 #include "generated/messages.h"
+#include <string.h>
 
 #if CONTROL_COMMANDS_MAX > 0U
 uint16_t setpoint_refused_set(const setpoint_t *s, uint16_t number, uint16_t next_step) {
@@ -11,6 +12,14 @@ uint16_t setpoint_refused_set(const setpoint_t *s, uint16_t number, uint16_t nex
     default:
         return MESSAGE_NACK_REASON_SEQUENCE;
     }
+}
+#endif
+
+#if CONTROL_COMMANDS_MAX > 0U
+void setpoint_of_board(setpoint_t *s, int32_t value, const int16_t *words, size_t count) {
+    memcpy(s->commands.words, words, count * sizeof words[0]);
+    s->waiting = s->waiting || s->turn_q32 != value;
+    s->turn_q32 = value;
 }
 #endif
 

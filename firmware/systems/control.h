@@ -70,6 +70,7 @@ typedef struct {
 #if CONTROL_COMMANDS_MAX > 0U
     const control_command_t *commands;
     uint8_t command_count;
+    bool has_receiver; /* the board's receiver may set setpoint and commands (link/receiver.h) */
 #endif
 } control_system_t;
 

@@ -2,14 +2,24 @@
 #include "app/board_guard.h"
 #include "generated/params.h"
 #include "link/injected.h"
+#include "link/receiver.h"
 #include "link/slcan.h"
 #include <string.h>
+
+/* What the receiver has made of a stream up to a frame. */
+typedef struct {
+    int32_t end, kind; /* bytes of the stream up to there; crsf_event_t */
+    int32_t throttle_q15, words[RECEIVER_WORDS];
+    int32_t channels[CRSF_CHANNELS], link_quality;
+} receiver_row_t;
 
 size_t frames_parse(const uint8_t *bytes, size_t count, uint8_t *frames, uint32_t *bad);
 uint8_t frames_crc8(uint16_t id, uint8_t dlc, const uint8_t data[8]);
 uint16_t table_unsafe(const uint32_t words[PARAMS_COUNT]);
 uint32_t injected_first_doubt(const uint32_t words[PARAMS_COUNT], const int16_t (*counts)[PLUMB_RAW_MAX],
                               uint32_t steps);
+
+size_t receiver_follow(const uint8_t *bytes, size_t count, receiver_row_t *rows);
 
 /* Memory is not checked here. */
 void board_parameters_seal(void) {}
@@ -73,4 +83,30 @@ uint32_t injected_first_doubt(const uint32_t words[PARAMS_COUNT], const int16_t 
         }
     }
     return 0;
+}
+
+/* A row for each frame that is found in a stream. */
+size_t receiver_follow(const uint8_t *bytes, size_t count, receiver_row_t *rows) {
+    receiver_t r = {0};
+    crsf_t c = {0}, same = {0};
+    size_t found = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        const crsf_event_t kind = crsf_push(&same, bytes[i]);
+
+        receiver_push(&r, &c, &bytes[i], 1);
+        if (kind == CRSF_NOTHING) {
+            continue;
+        }
+        receiver_row_t *const row = &rows[found++];
+        *row = (receiver_row_t){.end = (int32_t)i + 1, .kind = (int32_t)kind, .throttle_q15 = r.throttle_q15};
+        for (unsigned k = 0; k < RECEIVER_WORDS; k++) {
+            row->words[k] = r.words[k];
+        }
+        for (unsigned k = 0; kind == CRSF_STICKS && k < CRSF_CHANNELS; k++) {
+            row->channels[k] = crsf_channel(&same, k);
+        }
+        row->link_quality = kind == CRSF_STATISTICS ? crsf_link_quality(&same) : 0;
+    }
+    return found;
 }

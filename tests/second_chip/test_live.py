@@ -13,8 +13,10 @@ import pytest
 from plumb import systems
 from plumb.link.identity import NackError, sensors_text
 from plumb.link.realtime import Capture
+from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
 from plumb.physics.motor import FORWARD
+from plumb.spec import crsf
 from plumb.systems.run_fixed import run_control
 from plumb.tuning.quantise import ControlParams, quantise
 from second_chip import Chip
@@ -131,6 +133,30 @@ def test_one_chip_with_both_sensors_is_set_up_and_read_over_i2c(chip: Chip, sess
     assert_digests_are_those_of(params, capture)
     assert [register for register, _ in both.log] == [0x6B, 0x6C, 0x19, 0x1A, 0x1B, 0x1C, 0x38]
     assert both.registers[0x1B] == both.registers[0x1C] == 0x18, "+-2000 deg/s, +-16 g"
+
+
+def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(image: bytes, connect_uart: Connect) -> None:
+    chip, both = Chip(image), Mpu6050()
+    chip.ports["B"].outside |= {4: 0}
+    chip.i2c.slaves = {both.ADDRESS: both}
+    chip.run(START_S)
+    session = connect_uart(chip)
+    module = systems.load("quadrotor")
+    params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
+    session.upload(params.words(), period_us=2500, accel_bus=2, receiver=1)
+    session.begin("REALTIME_LIVE", frames=RAW_FRAMES[:4])
+    capture = Capture(session, raw_frames=set(RAW_FRAMES[:4]))
+    session.listener = capture.feed
+    for frame in (crsf.sticks(on=True), crsf.sticks(on=True), crsf.sticks(roll=1.0, throttle=0.5, on=True)):
+        chip.usart3.put(b"\x00\xc8" + frame)
+        listen(session, 0.01)
+    listen(session, 0.02)
+    steps = len(capture.raw)
+    inputs = np.array([capture.raw[step] for step in range(steps)], np.int16)
+    throttles = capture.setpoints.of_steps(steps)
+    assert inputs[-1, 6:].tolist() == [32767, 0, 0, 1, 3, 0] and throttles[-1] == 16393
+    expected = run_control(params, inputs, throttles).digests()
+    assert expected.tolist() == [capture.digest[step] for step in range(steps)]
 
 
 @pytest.mark.parametrize(("accel_bus", "said"), [(0, "another chip answers"), (1, "does not answer")])

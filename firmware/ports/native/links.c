@@ -62,8 +62,9 @@ void links_reset(void) {
 }
 
 uint32_t links_faults(void) {
-    return (links.errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
-           links.errors << BOARD_FAULT_UART_COUNT_SHIFT | (links.overrun ? BOARD_FAULT_CAN_OVERRUN : 0u);
+    const uint32_t all = links.errors + receiver_errors(), errors = all < ERRORS_MAX ? all : ERRORS_MAX;
+    return (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) | errors << BOARD_FAULT_UART_COUNT_SHIFT |
+           (links.overrun ? BOARD_FAULT_CAN_OVERRUN : 0u);
 }
 
 /* ---- UART ---- */

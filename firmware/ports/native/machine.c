@@ -60,6 +60,7 @@ static void start(uint32_t cause) {
     port = (port_t){.now_us = port.now_us, .clock_offset_us = port.clock_offset_us};
     guard_reset();
     links_reset();
+    receiver_reset();
     sensors_reset();
     port.fed_us = port.turned_us = port.slept_us = port.now_us;
     port.last_clock_us = (uint32_t)port.now_us + port.clock_offset_us;
@@ -198,6 +199,7 @@ void native_defaults(void) {
     flash_blank();
     flash_half_done = flash_at_work;
     links_unplug();
+    receiver_unplug();
 }
 
 uint16_t *native_flash(void) {
@@ -227,4 +229,5 @@ void native_power_off(void) {
     native.bridge_on = 0u;
     native.duty_q15 = 0;
     links_unplug();
+    receiver_unplug();
 }

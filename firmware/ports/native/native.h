@@ -39,6 +39,7 @@ typedef struct {
     uint32_t hall_lost;         /* 1: all Hall sensors alike */
     uint32_t uart_in_byte_ns;   /* time of a byte to the board: 10851 at 921600 baud; 0: no time */
     uint32_t uart_out_byte_ns;  /* time of a byte from the board; NATIVE_NEVER: the transmitter hangs */
+    uint32_t receiver_byte_ns;  /* time of a byte of the receiver: 23810 at 420 kBd; 0: no time */
     uint32_t can_kbit;          /* of the bus; 0: no other node is there to acknowledge frames */
     uint32_t can_frame_ns;      /* time of a frame: 130000 at 1 Mbit/s; 0: no time */
 
@@ -106,6 +107,9 @@ void native_set_clock_us(uint32_t us);
 /* Bytes to and from the board; return how many bytes were taken or delivered. */
 size_t native_uart_send(const uint8_t *bytes, size_t count);
 size_t native_uart_receive(uint8_t *bytes, size_t room);
+
+/* Bytes of the receiver; returns how many the line took. The board hears them in pin set `quadrotor`. */
+size_t native_receiver_send(const uint8_t *bytes, size_t count);
 
 /* Frames to the board, false when the bus has no room; frames from the board, false when there is none. */
 bool native_can_send(const native_frame_t *frame);

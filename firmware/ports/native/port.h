@@ -53,6 +53,9 @@ void links_advance(void);
 uint64_t links_next_ns(void);
 uint32_t links_faults(void);
 void links_unplug(void); /* drops the bytes and frames on the lines */
+void receiver_reset(void);
+uint32_t receiver_errors(void); /* bytes that were lost; stops at 255 */
+void receiver_unplug(void);
 void sensors_reset(void);
 void sensors_advance(void);
 uint64_t sensors_next_ns(void);

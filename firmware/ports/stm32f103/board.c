@@ -16,6 +16,7 @@
 #include "linker.h"
 #include "pins.h"
 #include "pwm.h"
+#include "receiver_uart.h"
 #include "samples.h"
 #include "spi.h"
 #include "stall.h"
@@ -29,6 +30,7 @@ BOARD_GUARDED static uint32_t start_faults; /* BOARD_FAULT_*, decided once */
 BOARD_GUARDED static board_identity_t identity;
 
 #define SIZE_UNREADABLE 0xffffu
+#define ERRORS_MAX      255u
 
 /* Reads the device signature (RM0008 30) before the clock rises from 8 MHz: at 72 MHz some chips return all
  * ones, and a few always do. The device id register (DBGMCU_IDCODE) reads 0 without a debugger (erratum), so
@@ -82,6 +84,9 @@ void board_init(const board_setup_t *setup) {
     check_image();
     uart_init();
     can_init();
+    if (USED_RECEIVER && identity.pins == BOARD_PINS_QUADROTOR) {
+        receiver_uart_init();
+    }
     if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
         bridge_start();
     }
@@ -95,8 +100,14 @@ const board_identity_t *board_identity(void) {
     return &identity;
 }
 
+/* Of the links and of the receiver; stops at 255. */
+static uint32_t all_uart_errors(void) {
+    const uint32_t errors = uart_errors() + receiver_uart_errors();
+    return errors < ERRORS_MAX ? errors : ERRORS_MAX;
+}
+
 uint32_t board_faults(void) {
-    const uint32_t errors = uart_errors(), late = samples_late();
+    const uint32_t errors = USED_RECEIVER ? all_uart_errors() : uart_errors(), late = samples_late();
     board_health_t health;
     board_sensor_health(&health);
     const bool sensor_bad = (health.railed | health.stuck | health.gyro | health.accel) != BOARD_SENSOR_GOOD;

@@ -49,17 +49,18 @@ void pins_init(uint32_t pins, bool actuators) {
     const bool uart =
         pins != BOARD_PINS_UNKNOWN; /* else its pins may drive the gates of a bridge or a speed controller */
     const uint32_t tx = uart ? SIGNAL : FREE, rx = uart ? INPUT : FREE;
+    const uint32_t sticks = USED_RECEIVER && pins == BOARD_PINS_QUADROTOR ? INPUT : FREE;
     const uint32_t gate = USED_BRIDGE && actuators ? SIGNAL : FREE;
     const uint32_t pulse = USED_PULSES && actuators ? PULSE : FREE;
     /* MAPR is written as a whole, because SWJ_CFG reads back undefined. I2C1 is remapped away from PB6 and
      * PB7 even when unused: otherwise a remapped USART1 does not reach these pins. */
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD | AFIO_MAPR_I2C1_REMAP |
                 (bridge ? AFIO_MAPR_USART1_REMAP | AFIO_MAPR_TIM2_REMAP_FULL : 0u);
-    /* Levels and pulls first. PA4: the SPI chip is deselected. PA10, PB7, PA11: an open line reads idle. PB4,
-     * PB5: the strap. The Hall sensors have open collectors. The break input is pulled down: an open wire
-     * trips it. */
+    /* Levels and pulls first. PA4: the SPI chip is deselected. PA10, PB7, PA11, PB11: an open line reads
+     * idle. PB4, PB5: the strap. The Hall sensors have open collectors. The break input is pulled down: an
+     * open wire trips it. */
     GPIOA_BSRR = UP(4) | UP(6) | UP(10) | UP(11) | UP(15);
-    GPIOB_BSRR = UP(3) | UP(4) | UP(5) | UP(7) | UP(10) | DOWN(12);
+    GPIOB_BSRR = UP(3) | UP(4) | UP(5) | UP(7) | UP(10) | DOWN(12) | (USED_RECEIVER ? UP(11) : 0u);
     GPIOC_BSRR = UP(ARM_SWITCH);
     /* SPI1 MOSI, MISO, SCK, select; ADC1 inputs 3 to 0. */
     GPIOA_CRL = MODES(SPI, INPUT, SPI, OUTPUT, ANALOG, ANALOG, ANALOG, ANALOG);
@@ -75,8 +76,8 @@ void pins_init(uint32_t pins, bool actuators) {
         GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, rx, tx, FREE);
         /* TIM4 channels 2 and 1, the speed controllers; strap; ADC1 inputs 9, 8. */
         GPIOB_CRL = MODES(pulse, pulse, INPUT, INPUT, FREE, FREE, ANALOG, ANALOG);
-        /* I2C1 SDA, SCL. */
-        GPIOB_CRH = MODES(FREE, FREE, FREE, FREE, FREE, FREE, DRAIN, DRAIN);
+        /* USART3 RX, the receiver; I2C1 SDA, SCL. */
+        GPIOB_CRH = MODES(FREE, FREE, FREE, FREE, sticks, FREE, DRAIN, DRAIN);
     }
     GPIOC_CRH = MODES(FREE, INPUT, FREE, FREE, FREE, FREE, FREE, FREE); /* PC14: arm switch */
 }

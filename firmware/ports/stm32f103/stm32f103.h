@@ -50,6 +50,7 @@
 #define RCC_APB1ENR_TIM3EN   (1u << 1)
 #define RCC_APB1ENR_TIM4EN   (1u << 2)
 #define RCC_APB1ENR_WWDGEN   (1u << 11)
+#define RCC_APB1ENR_USART3EN (1u << 18)
 #define RCC_APB1ENR_I2C1EN   (1u << 21)
 #define RCC_APB1ENR_CANEN    (1u << 25)
 #define RCC_APB1ENR_BKPEN    (1u << 27)
@@ -146,6 +147,16 @@
 #define USART1_CR3_EIE    (1u << 0)
 #define USART1_CR3_DMAR   (1u << 6)
 #define USART1_CR3_DMAT   (1u << 7)
+
+/* USART3, the same registers */
+#define USART3_BASE       0x40004800u
+#define USART3_SR         REG32(USART3_BASE, 0x00u)
+#define USART3_DR         REG32(USART3_BASE, 0x04u)
+#define USART3_BRR        REG32(USART3_BASE, 0x08u)
+#define USART3_CR1        REG32(USART3_BASE, 0x0cu)
+#define USART3_CR1_RE     (1u << 2)
+#define USART3_CR1_RXNEIE (1u << 5)
+#define USART3_CR1_UE     (1u << 13)
 
 /* DMA1, RM0008 section 13.4. Channel 1: ADC1, 2: SPI1_RX, 3: SPI1_TX, 4: USART1_TX,
  * 5: USART1_RX, 7: I2C1_RX (table 78) */
@@ -460,5 +471,6 @@
 #define IRQ_I2C1_EV       31u
 #define IRQ_I2C1_ER       32u
 #define IRQ_USART1        37u
+#define IRQ_USART3        39u
 
 #endif

@@ -60,8 +60,9 @@ class Wires(ctypes.Structure):
         ("identity", Identity),
         ("raw", ctypes.c_int32 * 6),
         *((name, ctypes.c_uint32) for name in (
-            "arm_switch", "strap", "bridge_break", "hall_lost", "uart_in_byte_ns", "uart_out_byte_ns", "can_kbit",
-            "can_frame_ns", "faults", "railed", "stuck", "gyro", "accel", "adc_dead", "uart_damaged", "can_dead",
+            "arm_switch", "strap", "bridge_break", "hall_lost", "uart_in_byte_ns", "uart_out_byte_ns",
+            "receiver_byte_ns", "can_kbit", "can_frame_ns", "faults", "railed", "stuck", "gyro", "accel", "adc_dead",
+            "uart_damaged", "can_dead",
             "no_crystal", "image_damaged", "hangs", "turn_us", "flash_refuses", "flash_cut", "flash_cut_way",
             "state", "resets",
         )),
@@ -106,7 +107,7 @@ def _load(path: Path) -> ctypes.CDLL:
             library = ctypes.CDLL(str(copy))
         except OSError as error:
             raise UsageError(f"{path} does not load ({error}): run '{BUILD}' in the checkout") from error
-    for name in ("wires_bytes", "uart_send", "uart_receive", "guarded_bytes"):
+    for name in ("wires_bytes", "uart_send", "uart_receive", "receiver_send", "guarded_bytes"):
         getattr(library, f"native_{name}").restype = ctypes.c_size_t
     for name in ("can_send", "can_receive"):
         getattr(library, f"native_{name}").restype = ctypes.c_bool
@@ -175,6 +176,10 @@ class NativeMcu:
         while count := self._library.native_uart_receive(out, ctypes.c_size_t(_CHUNK)):
             data += out.raw[:count]
         return data
+
+    def receiver_send(self, data: bytes) -> int:
+        """Bytes of the radio receiver to the board; returns how many the line took."""
+        return int(self._library.native_receiver_send(data, ctypes.c_size_t(len(data))))
 
     def can_send(self, identifier: int, data: bytes) -> bool:
         """Send a frame to the board; False when the bus has no room."""

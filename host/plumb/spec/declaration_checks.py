@@ -19,7 +19,9 @@ from plumb.spec.system import (
     FRAMES_MAX,
     NUMBERS,
     OUTPUTS,
+    RECEIVER,
     SENSORS,
+    STICKS,
     TYPES,
     WORDS_MAX,
     Command,
@@ -216,6 +218,15 @@ def check_commands(commands: Sequence[Command]) -> None:
         raise UsageError(f"commands have at most {COMMAND_WORDS_MAX} words of 16 bits, not {words}")
 
 
+def _check_sticks(system: System) -> None:
+    """Raises UsageError unless the first commands are those that a receiver sets, and the setpoint is a throttle."""
+    first = system.step_commands[: len(STICKS)]
+    given = {command.name: command.low for command in first if command.type == "int16"}
+    if list(given.items()) != list(STICKS.items()) or system.setpoint.format != "Q15":
+        wanted = ", ".join(f"{name} (from {low})" for name, low in STICKS.items())
+        raise UsageError(f'command_source = "receiver": first come {wanted}, all int16, and the setpoint is Q15')
+
+
 def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTable] = ()) -> None:
     """Raises UsageError with the first mistake of a declaration. shared: the rows of the shared parameter groups;
     of_bases: the own rows of the systems that it stands on."""
@@ -240,6 +251,8 @@ def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTa
         raise UsageError(f"a sample has at most {COUNTS_MAX} channels, not {len(system.channels)}")
     if system.command_source not in COMMAND_SOURCES:
         raise UsageError(f"command_source is one of {', '.join(COMMAND_SOURCES)}, not {system.command_source!r:.40}")
+    if system.command_source == RECEIVER:
+        _check_sticks(system)
     if len(system.frames) > FRAMES_MAX:
         raise UsageError(f"a system has at most {FRAMES_MAX} frames, not {len(system.frames)}")
     if len(system.flags) > 32:

@@ -85,10 +85,11 @@ def to_flash(wanted: str, present: Sequence[str]) -> Image:
 
 
 def held_groups(systems: Collection[str]) -> frozenset[str]:
-    """The parameter groups that an image of these systems holds: all but those that only other systems read. What it
-    does not hold is a constant there, at its factory value."""
+    """The parameter groups that an image of these systems holds: all but those that only other systems read; and the
+    parts of a board with parameters that its systems use. What it does not hold is a constant there, at its
+    factory value."""
     declared = declarations.systems()
-    read = {name: {*system.all_groups, *ALWAYS_HELD} for name, system in declared.items()}
+    read = {name: {*system.all_groups, *system.parts, *ALWAYS_HELD} for name, system in declared.items()}
     others = set().union(*read.values())
     mine = set().union(*(read[name] for name in systems if name in read))
     shared = {group_of(row["name"]) for row in declarations.shared()["parameter"]}
@@ -100,7 +101,7 @@ def not_held(group: str, present: Sequence[str]) -> str:
     a sentence; "" where it holds it, and for an image without a system that is known."""
     if not group or not present or group in held_groups(present):
         return ""
-    readers = [name for name, system in declarations.systems().items() if group in system.all_groups]
+    readers = [name for name, system in declarations.systems().items() if group in (*system.all_groups, *system.parts)]
     best = next(one for one in holding(present) if set(readers) & set(one.systems))
     return (
         f"the board's image has only {', '.join(present)}, and does not hold the parameters of {group}: "

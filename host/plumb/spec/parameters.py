@@ -32,7 +32,8 @@ class Parameter:
     live: may change during a run in real time; while armed, to twice or half of its value at arming.
     weakens: numbered promises (docs/explanation/security.md) that it can weaken; armed: least and largest value of an
     armed board, () where conditions of several words say it (`plumb.spec.armed_values`). harmless: why it can weaken
-    none.
+    none. part: of a row of the link, the part of a board that it sets up: images whose systems do not use that part
+    (`System.parts`) do not hold the row.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Parameter:
     weakens: tuple[int, ...] = ()
     armed: tuple[int, ...] = ()
     harmless: str = ""
+    part: str = ""
 
     @property
     def id(self) -> int:
@@ -58,8 +60,9 @@ class Parameter:
 
     @property
     def group(self) -> str:
-        """The group, a member of plumb_params_t: `kalman` of kalman.qb; "" for a parameter without a group."""
-        return group_of(self.name)
+        """What decides whether an image holds the row: the group, a member of plumb_params_t, `kalman` of kalman.qb; or
+        the part of a board; "" for a row that every image holds."""
+        return self.part or group_of(self.name)
 
     def out_of_range(self, value: int) -> str:
         """Error text for a value outside the range, without a full stop."""
@@ -126,7 +129,7 @@ def check(rows: Sequence[Parameter]) -> None:
         raise UsageError("the names of two parameters have the same CRC-16, or it is that of erased flash; rename one")
 
 
-WIRING = ("pins", "dead_time_ns", "can_bitrate_kbit")
+WIRING = ("pins", "dead_time_ns", "can_bitrate_kbit", "receiver")
 """Parameters that describe the wiring of a board. An upload leaves them as the board has them."""
 
 

@@ -30,8 +30,13 @@ WORDS_PER_FRAME = 3
 """16-bit words of inputs in one frame."""
 COMMAND_TYPES = {"int16": 16, "int32": 32}
 """Type of a command -> bits."""
-COMMAND_SOURCES = ("owner", "link")
-"""Who may send the commands of a run: its owner alone, or the link that RUN_BEGIN names."""
+COMMAND_SOURCES = ("owner", "link", "receiver")
+"""Where the commands of a run come from: its owner alone, or the link that RUN_BEGIN names; `receiver`: in real time
+the radio receiver on the board if the parameter `receiver` names its protocol, else the owner."""
+RECEIVER = "receiver"
+"""The source of commands, and the part of a board that only images with such a system have."""
+STICKS = {"roll": -32767, "pitch": -32767, "yaw": -32767, "switches": 0, "receiver": 0}
+"""First commands of a system that a receiver may fly, in this order -> their least value (firmware/link/receiver.h)."""
 NUMBERS = range(18)
 """Numbers that a system may have. The number is the high byte of its signal numbers and selects its block of CAN
 identifiers."""
@@ -274,6 +279,11 @@ class System:
         """The parameter groups that the step reads: shared groups, those of what it stands on, then its own."""
         own = (group_of(row["name"]) for row in self.parameters)
         return tuple(dict.fromkeys((*self.groups, *self.base_groups, *own)))
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts of a board that have parameters of their own (`part` in parameters.toml), and that it uses."""
+        return (RECEIVER,) if self.command_source == RECEIVER else ()
 
     @property
     def record_bytes(self) -> int:

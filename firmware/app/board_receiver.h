@@ -1,0 +1,12 @@
+/* The line of a radio receiver. Images without a system that it may fly have none of this. */
+#ifndef PLUMB_BOARD_RECEIVER_H
+#define PLUMB_BOARD_RECEIVER_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* Fetch received bytes, at most `room`; returns how many. A byte arrives every 24 us at most; call on every
+ * turn of the loop, or bytes are lost after 3 ms. */
+size_t board_receiver_read(uint8_t *bytes, size_t room);
+
+#endif

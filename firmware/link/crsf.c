@@ -1,0 +1,78 @@
+#include "crsf.h"
+#include <stdbool.h>
+#include <string.h>
+
+#define SYNC            0xC8U
+#define TYPE_STICKS     0x16U
+#define TYPE_STATISTICS 0x14U
+#define HEADER          3U /* sync, length, type */
+#define AROUND          2U /* sync and length, which the length does not count */
+#define STICKS_LENGTH   (CRSF_FRAME_BYTES - AROUND)
+#define STATISTICS      12U /* length of that frame: type, 10 bytes, CRC */
+#define QUALITY_AT      2U
+#define CHANNEL_BITS    11U
+
+static uint8_t crc8(const uint8_t *bytes, size_t count) {
+    /* Of the upper four bits of the register. */
+    static const uint8_t nibble[16] = {0x00, 0xD5, 0x7F, 0xAA, 0xFE, 0x2B, 0x81, 0x54,
+                                       0x29, 0xFC, 0x56, 0x83, 0xD7, 0x02, 0xA8, 0x7D};
+    unsigned crc = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        crc ^= bytes[i];
+        crc = (crc << 4 & 0xFFU) ^ nibble[crc >> 4];
+        crc = (crc << 4 & 0xFFU) ^ nibble[crc >> 4];
+    }
+    return (uint8_t)crc;
+}
+
+/* False for bytes with which no frame of the two types begins. */
+static bool may_be_frame(const crsf_t *c) {
+    const uint8_t *const b = c->bytes;
+    const uint8_t type = b[1] == STICKS_LENGTH ? TYPE_STICKS : TYPE_STATISTICS;
+
+    return b[0] == SYNC && (c->length < 2U || b[1] == STICKS_LENGTH || b[1] == STATISTICS) &&
+           (c->length < HEADER || b[2] == type);
+}
+
+static void drop(crsf_t *c, size_t count) {
+    c->length = (uint8_t)(c->length - count);
+    memmove(c->bytes, &c->bytes[count], c->length);
+}
+
+/* Behind a frame in bytes that only looked like a longer one are too few for another. */
+crsf_event_t crsf_push(crsf_t *c, uint8_t byte) {
+    drop(c, c->used);
+    c->used = 0;
+    c->bytes[c->length++] = byte;
+    while (c->length > 0U) {
+        const uint8_t whole = (uint8_t)(c->bytes[1] + AROUND);
+
+        if (may_be_frame(c)) {
+            if (c->length < HEADER || c->length < whole) {
+                return CRSF_NOTHING;
+            }
+            if (crc8(&c->bytes[AROUND], whole - HEADER) == c->bytes[whole - 1U]) {
+                c->used = whole;
+                return c->bytes[2] == TYPE_STICKS ? CRSF_STICKS : CRSF_STATISTICS;
+            }
+        }
+        drop(c, 1U);
+    }
+    return CRSF_NOTHING;
+}
+
+uint16_t crsf_channel(const crsf_t *c, unsigned channel) {
+    const unsigned bit = CHANNEL_BITS * channel;
+    const uint8_t *const at = &c->bytes[HEADER + bit / 8U];
+    uint32_t bits = at[0] | (uint32_t)at[1] << 8;
+
+    if (bit % 8U + CHANNEL_BITS > 16U) {
+        bits |= (uint32_t)at[2] << 16;
+    }
+    return (uint16_t)(bits >> bit % 8U & ((1U << CHANNEL_BITS) - 1U));
+}
+
+uint8_t crsf_link_quality(const crsf_t *c) {
+    return c->bytes[HEADER + QUALITY_AT];
+}

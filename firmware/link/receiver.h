@@ -1,0 +1,44 @@
+/* Receiver: the channels of a pilot's transmitter as setpoint and commands of a step.
+ *
+ *     channel 1  roll      right is positive: lowers the right side
+ *     channel 2  pitch     forward is positive: lowers the nose
+ *     channel 3  throttle  the setpoint
+ *     channel 4  yaw       right is negative: turns to the right, seen from above
+ *     channel 5  rotors    high is on
+ *     channel 6  mode      high is rate, else level
+ *
+ * A stick from 172 over 992 to 1811 is -32767 over 0 to 32767, the throttle from 172 to 1811 is 0 to 32767;
+ * beyond that they stay at the end. A switch turns on above 1192 and off below 792; in between it stays. A
+ * change counts after it was asked for by RECEIVER_EQUAL frames in a row.
+ *
+ * The commands are those that a system with `command_source = "receiver"` declares first. While the link
+ * quality is 0, frames are counted and sticks and switches stay as they are: what a receiver makes up then
+ * moves nothing. How long ago the last frame came is counted within the step, from the number of the frame.
+ */
+#ifndef PLUMB_LINK_RECEIVER_H
+#define PLUMB_LINK_RECEIVER_H
+
+#include "crsf.h"
+#include <stdbool.h>
+
+#define RECEIVER_EQUAL    3U
+#define RECEIVER_SWITCHES 2U
+#define RECEIVER_WORDS    5U
+
+#define RECEIVER_ROTORS_ON 1 /* bits of the word of switches */
+#define RECEIVER_MODE_RATE 2
+#define RECEIVER_LOST      256 /* added to the number of the newest frame */
+
+/* Zero at the start: no frame has come yet. */
+typedef struct {
+    int16_t throttle_q15;
+    int16_t words[RECEIVER_WORDS]; /* roll, pitch, yaw, Q15; switches; number of the frame, RECEIVER_LOST */
+    uint8_t number;                /* of the newest frame, 1 to 255 in a circle; 0: none has come */
+    uint8_t equal[RECEIVER_SWITCHES]; /* frames in a row that ask for the other position */
+    bool lost;                        /* the link quality is 0 */
+} receiver_t;
+
+/* Handle bytes of the line. */
+void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count);
+
+#endif

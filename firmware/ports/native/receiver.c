@@ -1,0 +1,66 @@
+/* The line of the receiver: the bytes on it, and the board's ring, with the size of
+ * ports/stm32f103/receiver_uart.c. Nothing on it wakes the loop, so what has passed is looked at when the
+ * loop reads. */
+#include "app/board_receiver.h"
+#include "port.h"
+
+#define LINE_BYTES 4096u
+#define RX_BYTES   128u
+#define ERRORS_MAX 255u
+
+static uint8_t line[LINE_BYTES], ring[RX_BYTES];
+static uint32_t line_in, line_out, ring_in, ring_out; /* free-running counts */
+static uint64_t byte_ns;                              /* when the byte under way has passed */
+static uint32_t errors;
+
+void receiver_reset(void) {
+    ring_in = ring_out = errors = 0u;
+}
+
+void receiver_unplug(void) {
+    line_in = line_out = 0u;
+}
+
+uint32_t receiver_errors(void) {
+    return errors;
+}
+
+size_t native_receiver_send(const uint8_t *bytes, size_t count) {
+    size_t taken = 0u;
+    if (line_in == line_out) {
+        byte_ns = port_now_ns() + native.receiver_byte_ns;
+    }
+    while (taken < count && line_in - line_out < LINE_BYTES) {
+        line[line_in++ % LINE_BYTES] = bytes[taken++];
+    }
+    return taken;
+}
+
+/* A line without delay waits while the ring is full. */
+static void advance(void) {
+    while (line_in != line_out && byte_ns <= port_now_ns()) {
+        const bool full = ring_in - ring_out == RX_BYTES;
+        if (full && native.receiver_byte_ns == 0u) {
+            return;
+        }
+        const uint8_t byte = line[line_out++ % LINE_BYTES];
+        byte_ns += native.receiver_byte_ns;
+        if (port.identity.pins != BOARD_PINS_QUADROTOR) {
+            continue;
+        }
+        if (full) {
+            errors += errors < ERRORS_MAX ? 1u : 0u;
+        } else {
+            ring[ring_in++ % RX_BYTES] = byte;
+        }
+    }
+}
+
+size_t board_receiver_read(uint8_t *bytes, size_t room) {
+    size_t count = 0u;
+    advance();
+    while (count < room && ring_out != ring_in) {
+        bytes[count++] = ring[ring_out++ % RX_BYTES];
+    }
+    return count;
+}

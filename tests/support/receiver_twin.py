@@ -1,0 +1,110 @@
+"""The parser of CRSF and what the receiver makes of its frames, a second time, from docs/reference/receiver.md; and the
+same by the firmware's C."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+from plumb.spec.crsf import LOW, MIDDLE, STATISTICS, STICKS, SYNC, crc8
+from support import link_functions
+
+LENGTHS = {STICKS: 26, STATISTICS: 14}
+"""Bytes of the frames that count."""
+SPAN = 819
+SWITCH_OFF, SWITCH_ON, EQUAL = 792, 1192, 3
+
+
+@dataclass
+class Row:
+    """What the receiver has made of a stream up to a frame that ends at byte `end`. words: throttle, roll, pitch, yaw,
+    switches, number of the frame, with 256 while the transmitter is lost."""
+
+    end: int
+    kind: int
+    words: tuple[int, ...]
+    channels: tuple[int, ...] = ()
+    link_quality: int = 0
+
+
+class _Row(ctypes.Structure):
+    _fields_ = [
+        ("end", ctypes.c_int32), ("kind", ctypes.c_int32), ("words", ctypes.c_int32 * 6),
+        ("channels", ctypes.c_int32 * 16), ("link_quality", ctypes.c_int32),
+    ]  # fmt: skip
+
+
+def by_firmware(stream: bytes) -> list[Row]:
+    """A row for each frame that the firmware finds."""
+    rows = (_Row * (len(stream) // min(LENGTHS.values()) + 1))()
+    count = link_functions.library().receiver_follow(stream, ctypes.c_size_t(len(stream)), rows)
+    kinds = (0, STICKS, STATISTICS)
+    return [
+        Row(row.end, kinds[row.kind], tuple(row.words), tuple(row.channels) if row.kind == 1 else (), row.link_quality)
+        for row in rows[:count]
+    ]
+
+
+def frames_in(stream: bytes) -> list[tuple[int, bytes]]:
+    """End and bytes of each frame in a stream. From the first byte on: a whole frame counts, and the search goes on
+    behind it; else it goes on with the next byte. It waits where a frame is not whole yet."""
+    found, at = [], 0
+    while at < len(stream):
+        head = stream[at : at + 3]
+        size = LENGTHS[head[2]] if len(head) == 3 and head[2] in LENGTHS else 0
+        begins = any(bytes([SYNC, size - 2, kind]).startswith(head) for kind, size in LENGTHS.items())
+        if begins and (len(head) < 3 or at + size > len(stream)):
+            break
+        if begins and crc8(stream[at + 2 : at + size - 1]) == stream[at + size - 1]:
+            at += size
+            found.append((at, stream[at - size : at]))
+        else:
+            at += 1
+    return found
+
+
+def _toward_zero(number: int, by: int) -> int:
+    return abs(number) // by * (1 if number >= 0 else -1)
+
+
+class _Pilot:
+    """Sticks and switches after the frames so far."""
+
+    def __init__(self) -> None:
+        self.throttle, self.sticks, self.switches = 0, (0, 0, 0), [False, False]
+        self.asked = [0, 0]
+        self.number, self.lost = 0, False
+
+    def take(self, channels: tuple[int, ...]) -> None:
+        def stick(value: int) -> int:
+            return _toward_zero(max(min(value - MIDDLE, SPAN), -SPAN) * 32767, SPAN)
+
+        self.sticks = stick(channels[0]), stick(channels[1]), -stick(channels[3])
+        self.throttle = max(min(channels[2] - LOW, 1639), 0) * 32767 // 1639
+        for place, value in enumerate(channels[4:6]):
+            other = value < SWITCH_OFF if self.switches[place] else value > SWITCH_ON
+            self.asked[place] = self.asked[place] + 1 if other else 0
+            if self.asked[place] == EQUAL:
+                self.asked[place], self.switches[place] = 0, not self.switches[place]
+
+    def words(self) -> tuple[int, ...]:
+        switches = sum(on << place for place, on in enumerate(self.switches))
+        return self.throttle, *self.sticks, switches, self.number + 256 * self.lost
+
+
+def by_twin(stream: bytes) -> list[Row]:
+    """The same rows, by this module."""
+    pilot, rows = _Pilot(), []
+    for end, frame in frames_in(stream):
+        kind, payload = frame[2], frame[3:-1]
+        if kind == STATISTICS:
+            pilot.lost = payload[2] == 0
+            rows.append(Row(end, kind, pilot.words(), (), payload[2]))
+            continue
+        bits = int.from_bytes(payload, "little")
+        channels = tuple(bits >> 11 * place & 2047 for place in range(16))
+        pilot.number = pilot.number % 255 + 1
+        if not pilot.lost:
+            pilot.take(channels)
+        rows.append(Row(end, kind, pilot.words(), channels))
+    return rows
