@@ -38,10 +38,9 @@ from plumb.errors import UsageError
 from plumb.flash.call_graph import CallGraph
 from plumb.kernels.reference import kernels as reference_kernels
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
-from plumb.proof import golden_recipe
+from plumb.proof import golden
 from plumb.proof.accuracy import TURN_DEG, chain_error_deg, filter_error_deg, hard_inputs, scenario_error_deg
 from plumb.proof.compare import count_mismatches
-from plumb.proof.golden import vectors_folder
 from plumb.proof.golden_random import random_bits
 from plumb.proof.golden_recipe import WILD
 from plumb.spec import declarations
@@ -282,8 +281,10 @@ def _step_of(elf: Image, system: str) -> Row:
     counter = Counter(elf, ["control_step"])
     driver = StepDriver(counter)
     steps = WILD_STEPS if declarations.system(system).cycles_mean is None else SPREAD_STEPS
-    for entry in golden_recipe.read(vectors_folder(None), [system]):
-        params, raw, setpoint = entry.inputs()
+    for case in golden.cases(golden.vectors_folder(None), [system]):
+        vector = case.vector
+        given = vector.params, vector.raw, vector.setpoint
+        params, raw, setpoint = case.entry.inputs() if vector.kind == "refusal" else given  # which has no steps
         driver.run(params, raw[:steps], setpoint[:steps])
     own = systems.load(system)
     return _row(counter, "control_step", scenario_error_deg(own.TUNINGS[own.DEFAULT_TUNING], own.DEFAULT_SCENARIO))

@@ -26,7 +26,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -36,15 +36,18 @@ from plumb.boards.contract import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.files import toml_text
 from plumb.files.input_files import read_text
-from plumb.proof.golden_random import random_bits
-from plumb.proof.golden_reach import reach
+from plumb.proof.golden_random import Draw, random_bits
+from plumb.proof.golden_reach import moved, reach
 from plumb.proof.golden_tasks import task_of
 from plumb.spec import declarations
 from plumb.spec.system import COUNTS_LEAST, System
-from plumb.systems.contracts import fitted
+from plumb.spec.tuning import AnyTuning
+from plumb.systems.contracts import Scenario, fitted
 from plumb.systems.run_fixed import check_inputs
 from plumb.systems.tasks import KINDS, Task
 from plumb.tuning.quantise import ControlParams, quantise
+
+T = TypeVar("T")
 
 RECIPE = "recipe.toml"
 MAX_STEPS = 1_000_000
@@ -147,40 +150,57 @@ class Entry:
     kind: str = "step"
 
     def params(self) -> ControlParams:
-        """The parameters of the vector."""
-        return self.inputs()[0]
+        """The parameters of the vector, without its inputs, for which a scenario may simulate a flight; raises
+        UsageError as `inputs`."""
+        return self._possible(self._params)
 
     def inputs(self) -> tuple[ControlParams, RawCounts, Setpoints]:
         """Parameters, raw counts (steps, 6) and setpoints (steps,); raises UsageError for an impossible recipe."""
+        return self._possible(self._inputs)
+
+    def _possible(self, make: Callable[[], T]) -> T:
         try:
-            return self._inputs()
+            return make()
         except (TypeError, ValueError, AttributeError, ArithmeticError, LookupError) as error:
             what = f"{type(error).__name__}: {error}".partition("\n")[0]
             raise UsageError(f"the recipe's {self.name} cannot be made ({what}); correct its entry") from None
 
-    def _inputs(self) -> tuple[ControlParams, RawCounts, Setpoints]:
+    def _settings(self) -> AnyTuning:
+        """The tuning with the fields that the recipe sets."""
         system = systems.load(self.system)
         if self.tuning not in system.TUNINGS:
             raise UsageError(f"the recipe's {self.name} asks for the tuning '{self.tuning}', which is not shipped")
         tuning = system.TUNINGS[self.tuning]
         for path, value in self.set.items():
             tuning = _changed(tuning, path.split("."), value)
-        params = self._exact(quantise(tuning))  # refuses impossible parameters before the scenario is computed
+        return tuning
+
+    def _scenario(self, tuning: AnyTuning) -> Scenario:
+        system = systems.load(self.system)
+        seconds = (self.begin + self.steps) * tuning.period_us * 1e-6
+        name = self.scenario or system.DEFAULT_SCENARIO
+        return system.scenario(name, self.seed, seconds=seconds, period_us=tuning.period_us)
+
+    def _params(self) -> ControlParams:
+        tuning = self._settings()
+        params = self._exact(quantise(tuning))  # refuses impossible parameters before the scenario is drawn
         if self.wild == REACH:
-            return reach(params, self.seed, self.steps, frozenset(self.words))
+            return moved(params, Draw(self.seed), frozenset(self.words))
+        return params if self.wild else self._exact(quantise(fitted(self._scenario(tuning), tuning)))
+
+    def _inputs(self) -> tuple[ControlParams, RawCounts, Setpoints]:
+        tuning = self._settings()
+        if self.wild == REACH:
+            return reach(self._exact(quantise(tuning)), self.seed, self.steps, frozenset(self.words))
+        params = self._params()
         if self.wild:
             declared = declarations.system(self.system)
             wild, asked = WILD[self.wild](self.seed, self.steps, declared.inputs)
             return params, _within_limits(declared, wild).astype(np.int16), asked.astype(np.int32)
-        run = system.scenario(
-            self.scenario or system.DEFAULT_SCENARIO,
-            self.seed,
-            seconds=(self.begin + self.steps) * tuning.period_us * 1e-6,
-            period_us=tuning.period_us,
-        )
+        run = self._scenario(tuning)
         setpoint = run.setpoint()[self.begin :]
         raw = check_inputs(self.system, run.counts()[self.begin :], setpoint)[0].astype(np.int16)
-        return self._exact(quantise(fitted(run, tuning))), raw, setpoint
+        return params, raw, setpoint
 
     def task(self) -> Task | None:
         """The task of a vector of another kind than steps; None for steps."""
