@@ -1,6 +1,7 @@
-/* USART3 at 420 kBd, 8N1, receiving only, one interrupt a byte (RM0008 27.3.3, 27.6): every DMA channel that
- * could serve it is taken. Nothing is sent to the receiver. Errors are counted; the CRC of the frames rejects
- * damaged data. The loop comes round every millisecond by itself, so no byte wakes it. */
+/* USART3 at 420 kBd, 8N1, receiving only, one interrupt of 20 instructions a byte (RM0008 27.3.3, 27.6):
+ * every DMA channel that could serve it is taken. Nothing is sent to the receiver. Errors are counted; the
+ * CRC of the frames rejects damaged data. The loop comes round every millisecond by itself, so no byte wakes
+ * it. */
 #include "receiver_uart.h"
 #include "app/board_receiver.h"
 #include "clock.h"
@@ -11,10 +12,10 @@
 #define RX_BYTES   128u /* 3 ms at full rate; a power of two */
 #define ERRORS_MAX 255u
 
-static uint8_t rx_ring[RX_BYTES];
+static uint8_t sticks_ring[RX_BYTES];
 /* Free-running counts, used modulo RX_BYTES: written by the interrupt, read by the loop. */
-static volatile uint32_t rx_written, rx_taken;
-static volatile uint32_t errors;
+static volatile uint32_t sticks_written, sticks_taken;
+static volatile uint32_t sticks_errors;
 
 void receiver_uart_init(void) {
     RCC_APB1ENR |= RCC_APB1ENR_USART3EN;
@@ -26,35 +27,36 @@ void receiver_uart_init(void) {
 }
 
 uint32_t receiver_uart_errors(void) {
-    return errors;
+    return sticks_errors;
 }
 
 void receiver_uart_handler(void) {
-    /* Reading SR and then DR clears every error, and the request. An overrun lost a later byte, not this one.
-     */
+    /* Reading SR and then DR clears every error, and the request. An overrun lost a later byte than that in
+     * DR, if there is still one. */
     const uint32_t status = USART3_SR;
     const uint8_t byte = (uint8_t)USART3_DR;
-    const uint32_t to = rx_written;
-    const bool full = to - rx_taken == RX_BYTES;
-    if (((status & (USART1_SR_FE | USART1_SR_NE | USART1_SR_ORE)) != 0u || full) && errors < ERRORS_MAX) {
-        errors++;
+    const uint32_t to = sticks_written;
+    const bool full = to - sticks_taken == RX_BYTES;
+    if (((status & (USART3_SR_FE | USART3_SR_NE | USART3_SR_ORE)) != 0u || full) &&
+        sticks_errors < ERRORS_MAX) {
+        sticks_errors++;
     }
-    if (!full) {
-        rx_ring[to % RX_BYTES] = byte;
+    if ((status & USART3_SR_RXNE) != 0u && !full) {
+        sticks_ring[to % RX_BYTES] = byte;
         memory_fence();
-        rx_written = to + 1u;
+        sticks_written = to + 1u;
     }
 }
 
 size_t board_receiver_read(uint8_t *bytes, size_t room) {
-    const uint32_t end = rx_written;
+    const uint32_t end = sticks_written;
     memory_fence(); /* the bytes are read after the count */
-    uint32_t at = rx_taken;
+    uint32_t at = sticks_taken;
     size_t count = 0u;
     while (count < room && at != end) {
-        bytes[count++] = rx_ring[at++ % RX_BYTES];
+        bytes[count++] = sticks_ring[at++ % RX_BYTES];
     }
     memory_fence();
-    rx_taken = at;
+    sticks_taken = at;
     return count;
 }

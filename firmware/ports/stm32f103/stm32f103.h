@@ -151,6 +151,10 @@
 /* USART3, the same registers */
 #define USART3_BASE       0x40004800u
 #define USART3_SR         REG32(USART3_BASE, 0x00u)
+#define USART3_SR_FE      (1u << 1)
+#define USART3_SR_NE      (1u << 2)
+#define USART3_SR_ORE     (1u << 3)
+#define USART3_SR_RXNE    (1u << 5)
 #define USART3_DR         REG32(USART3_BASE, 0x04u)
 #define USART3_BRR        REG32(USART3_BASE, 0x08u)
 #define USART3_CR1        REG32(USART3_BASE, 0x0cu)
