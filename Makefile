@@ -89,14 +89,14 @@ sanitize: ## the C tests under AddressSanitizer and UndefinedBehaviorSanitizer
 	@cmake --build --preset sanitize $(QUIET)
 	ctest --preset sanitize --parallel 2
 
-# libFuzzer on the codec and on the whole session, FUZZ_S seconds each (clang). Inputs that are found stay in build/fuzz/found.
+# libFuzzer on the codec, on the receiver and on the whole session, FUZZ_S seconds each (clang). Inputs that are found stay in build/fuzz/found.
 FUZZ_S ?= 60
 FUZZ := build/fuzz/tests/fuzz
-fuzz: ## libFuzzer on codec and session, FUZZ_S seconds each
+fuzz: ## libFuzzer on codec, receiver and session, FUZZ_S seconds each
 	@cmake --preset fuzz $(QUIET)
 	@cmake --build --preset fuzz $(QUIET)
-	@mkdir -p build/fuzz/found/slcan build/fuzz/found/session
-	@for target in slcan session; do \
+	@mkdir -p build/fuzz/found/slcan build/fuzz/found/crsf build/fuzz/found/session
+	@for target in slcan crsf session; do \
 	    $(FUZZ)/fuzz_$$target -max_total_time=$(FUZZ_S) -max_len=1024 -timeout=20 -print_final_stats=1 \
 	        -artifact_prefix=build/fuzz/found/$$target- build/fuzz/found/$$target $(FUZZ)/corpus/$$target || exit 1; done
 

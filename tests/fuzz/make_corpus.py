@@ -1,4 +1,4 @@
-"""Write the seed corpus of the fuzz targets: DIR/slcan and DIR/session, a file each.
+"""Write the seed corpus of the fuzz targets: DIR/slcan, DIR/crsf and DIR/session, a file each.
 
     python3 tests/fuzz/make_corpus.py build/corpus
 
@@ -17,6 +17,21 @@ SLCAN = {
     "broken": b"\x1ft7FC8B6000200192FA7C\rt8008\rt12390011\rt12x8\rT000000008\r",
     "bells": b"\x02\aV\a\r\a\a\rt12\x00308\rV\r\xff\rV\r",
     "too_long": b"\x10" + 26 * b"V" + b"\r" + 27 * b"V" + b"\r" + 300 * b"t" + b"\rV\r",
+}
+
+STICKS = bytes.fromhex("c81816e0031ff8c0073ef0810f7ce0031ff8c0073ef0810f7c")
+STATISTICS = bytes.fromhex("c80c142828640a0002032d6408")
+"""Frames of a receiver, whose CRC is set by the target if the first byte is odd."""
+S, L = STICKS + b"\0", STATISTICS + b"\0"
+LOST = L[:5] + b"\0" + L[6:]
+CRSF = {
+    "frames": b"\1" + 3 * S + L + S,
+    "lost": b"\1" + S + LOST + 4 * S + L + S,
+    "ends": b"\1" + 3 * (S[:3] + 23 * b"\0") + 4 * (S[:3] + 22 * b"\xff" + b"\0") + 4 * (S[:3] + 23 * b"\0"),
+    "cut": b"\1" + S[:20] + S + L[:9] + S,
+    "inside": b"\0" + S[:9] + STATISTICS + b"\x51" + S,
+    "wrong": b"\0" + S + L + S,
+    "others": b"\1\xc8\x18\x17" + S[3:] + b"\xc8\x19\x16" + S + b"\xc8\xc8\xc8" + S,
 }
 
 UART, CAN = 0, 1
@@ -100,12 +115,16 @@ SESSION = {
     "frames_of_others": [0, *OPENED, RAW_FRAME, 8, 0, 8, *range(8), RAW_FRAME, 0, 1, 3, 1, 2, 3, LONG_WAIT, 30],
 }
 
-REGRESSIONS: dict[str, dict[str, str]] = {"slcan": {}, "session": {}}
+REGRESSIONS: dict[str, dict[str, str]] = {"slcan": {}, "crsf": {}, "session": {}}
 
 
 def main() -> None:
     root = Path(sys.argv[1])
-    seeds = {"slcan": dict(SLCAN), "session": {name: bytes(program) for name, program in SESSION.items()}}
+    seeds = {
+        "slcan": dict(SLCAN),
+        "crsf": dict(CRSF),
+        "session": {name: bytes(program) for name, program in SESSION.items()},
+    }
     for target, inputs in seeds.items():
         inputs.update({name: bytes.fromhex(text) for name, text in REGRESSIONS[target].items()})
         (root / target).mkdir(parents=True, exist_ok=True)

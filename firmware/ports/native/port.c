@@ -6,7 +6,7 @@ port_t port;
 jmp_buf port_out_of_the_loop;
 
 void port_leave_loop(left_t how) {
-    longjmp(port_out_of_the_loop, how);
+    longjmp(port_out_of_the_loop, (int)how);
 }
 
 uint64_t port_now_ns(void) {
