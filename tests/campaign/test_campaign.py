@@ -53,6 +53,21 @@ def test_a_resumed_campaign_runs_what_is_missing_alone(tmp_path: Path, monkeypat
     assert run == [range(6, 8), range(10, 12)]
 
 
+def test_a_limit_without_a_figure_is_told_after_the_first_batch_and_mended_with_resume(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "study.toml", tmp_path / "out"
+    text = 'system = "quad"\nruns = 32\nseconds = 2\n[limits]\nangle_rms_deg = 1\n'
+    path.write_text(text, encoding="utf-8")
+    words = ["campaign", str(path), "--workers", "1", "--out", str(out)]
+    assert main(words) == 2
+    assert "limits.angle_rms_deg: no run has it (did you mean angle_rmse_deg?)" in capsys.readouterr().err
+    assert len(list((out / "batches").iterdir())) == 1
+    path.write_text(text.replace("rms_", "rmse_"), encoding="utf-8")
+    assert main([*words, "--resume"]) == 0
+    assert "100.0 % of the runs have angle_rmse_deg of at most 1" in capsys.readouterr().out
+
+
 def test_a_killed_campaign_keeps_its_batches_and_its_processes_end(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "plumb", "campaign", "quad", "--runs", "4000", "--seconds", "20", "--workers", "2"]
     process = subprocess.Popen([*words, "--out", str(tmp_path / "out")], stderr=subprocess.DEVNULL)
@@ -193,8 +208,9 @@ def test_a_run_that_another_board_gives_otherwise_is_named_with_its_command(
 
 
 def test_the_command_that_confirms_has_link_and_board() -> None:
-    study = from_table({**STUDY, "confirm": "virtual", "link": "can"})
-    assert study.confirming_command(0).startswith("plumb run quad --board virtual --link can --seed 1000 ")
+    study = from_table({**STUDY, "confirm": "virtual", "link": "can", "image": "quad"})
+    board = "plumb run quad --board virtual --link can --image quad --seed 1000 "
+    assert study.confirming_command(0).startswith(board)
     study = from_table({**STUDY, "confirm": "qemu", "vary": {"tuning.trust.r_deg2": [0.2, 0.3]}})
     assert study.confirming_command(1).endswith(" --confirm qemu")
 

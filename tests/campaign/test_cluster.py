@@ -91,6 +91,12 @@ def test_a_scheduler_that_is_not_there_is_one_sentence(capsys: pytest.CaptureFix
     assert "no Dask scheduler answers at tcp://127.0.0.1:1" in said and said.count("\n") == 1
 
 
+@pytest.mark.parametrize("address", ["foo", "localhost:8786", "http://[::1", "tcp://127.0.0.1:x", "tcp://a b:1"])
+def test_an_address_that_is_none_is_one_sentence(address: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["campaign", "quad", "--runs", "4", "--seconds", "2", "--scheduler", address]) == 2
+    assert capsys.readouterr().err == f"plumb: '{address}' is no address of a Dask scheduler: write tcp://HOST:PORT\n"
+
+
 def test_a_scheduler_without_workers_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from plumb.campaign import cluster
 

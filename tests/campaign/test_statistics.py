@@ -56,7 +56,9 @@ def test_the_share_of_the_runs_that_keep_a_limit() -> None:
     (found,) = statistics.shares(results(np.array([1.0] * 95 + [3.0] * 4 + [np.nan]), range(100)), {"error_deg": 2.0})
     assert (found.kept, found.runs) == (95, 100)
     assert (round(found.low, 3), round(found.high, 3)) == (0.888, 0.978)
-    with pytest.raises(UsageError, match=r"limits.error: no run has it; there are error_deg"):
+    with pytest.raises(
+        UsageError, match=r"limits.error: no run has it .did you mean error_deg\?.; there are error_deg"
+    ):
         statistics.shares(results(np.array([1.0]), range(1)), {"error": 2.0})
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,27 @@ def test_the_command_of_a_run_repeats_it() -> None:
         ({"vary": {"tuning.trust.q": [1, 2]}}, "no setting 'q'"),
         ({"vary": {"seed": [1, 2]}}, "'seed' cannot be varied"),
         ({"faults": ["stuck:wing@3"]}, "stuck:wing"),
+        ({"confirm": "virtuall"}, "'virtuall' is not a board (did you mean virtual?)"),
+        ({"confirm": "qemu", "link": "can"}, "link is for confirm = 'virtual'"),
+        ({"image": "quad"}, "image is for confirm = 'virtual'"),
+        ({"faults": [1]}, "faults = [1]: it is a list of texts"),
+        ({"faults": [["stuck:gyro@1"]]}, "it is a list of texts"),
+        ({"first_seed": 10**18}, "a seed is 0 to 1000000000000000000"),
+        ({"draw_seed": 10**19}, "a seed is 0 to"),
+        ({"seconds": 10**400}, "seconds is no finite number"),
+        ({"seconds": math.nan}, "seconds is no finite number"),
+        ({"conditions": {"delay_ms": 10**400}}, "conditions.delay_ms is no finite number"),
+        ({"limits": {"angle_rmse_deg": math.nan}}, "limits.angle_rmse_deg is no finite number"),
+        ({"vary": {"condition.delay_ms": [10**400]}}, "vary.condition.delay_ms has the choice 1000"),
+        (
+            {"vary": {"tuning.period_us": [20000, 20000.5]}},
+            "period_us of the tuning 'trapezium' of quad is a whole number",
+        ),
+        ({"tuning": "quiet", "vary": {"tuning": ["quiet", "paper"]}}, "tuning is set, and varied by vary.tuning"),
+        (
+            {"conditions": {"delay_ms": 1}, "vary": {"condition.delay_ms": [1, 2]}},
+            "condition.delay_ms is set, and varied",
+        ),
     ],
 )
 def test_a_broken_study_is_one_sentence(entry: dict[str, object], said: str) -> None:
@@ -108,6 +130,24 @@ def test_a_file_that_is_no_toml_is_one_sentence(tmp_path: Path) -> None:
     path.write_text("system = quad\n", encoding="utf-8")
     with pytest.raises(UsageError, match=r"broken.toml is no study: .*line 1"):
         study.read(path)
+
+
+def test_lists_in_lists_without_end_are_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "deep.toml"
+    path.write_text(f"system = {'[' * 3000}{']' * 3000}\n", encoding="utf-8")
+    with pytest.raises(UsageError, match=r"deep.toml is no study: its lists or tables are nested too deeply"):
+        study.read(path)
+
+
+def test_a_study_may_begin_with_the_mark_of_an_editor(tmp_path: Path) -> None:
+    path = tmp_path / "marked.toml"
+    path.write_bytes(b'\xef\xbb\xbfsystem = "quad"\r\nruns = 3\r\n')
+    assert study.read(path).runs == 3
+
+
+def test_a_limit_does_not_make_another_campaign() -> None:
+    one, other = (from_table({"system": "quad", "limits": {"angle_rmse_deg": limit}}) for limit in (0.5, 0.6))
+    assert one.sha256() == other.sha256() != from_table({"system": "quad", "runs": 3}).sha256()
 
 
 def test_a_setting_that_is_a_name_is_varied_by_its_names() -> None:

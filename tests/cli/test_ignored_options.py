@@ -27,6 +27,8 @@ ONE_WORK = "give one of --table, --confirm and --plots"
         ("record --bus file:none.log --link can --out x", f"--link {OF_VIRTUAL} --link out"),
         ("systems --link can", f"--link {OF_VIRTUAL} --link out"),
         ("systems --confirm native --link can", f"--link {OF_VIRTUAL} --link out"),
+        ("campaign quad --link can", f"--link {OF_VIRTUAL} --link out"),
+        ("campaign quad --confirm qemu --image quad", f"--image {OF_VIRTUAL} --image out"),
         ("systems --seeds 0", "--seeds is for --table"),
         ("systems --seeds 3 --system quad", "--seeds is for --table"),
         ("systems --first-seed 0 --confirm native", "--first-seed is for --table"),

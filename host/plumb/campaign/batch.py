@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -255,6 +256,7 @@ def _confirmed(study: Study, finished: Sequence[Run]) -> list[int | None]:
     from plumb.proof.compare import count_mismatches
 
     assert study.confirm is not None
-    with open_board(study.confirm, link=study.link) as board:
+    image = Path(study.image) if study.image is not None else None
+    with open_board(study.confirm, link=study.link, image=image) as board:
         answers = [board.run_injected(run.params, run.inputs.raw, run.inputs.setpoint) for run in finished]
     return [count_mismatches(run.words.digests(), other.digests) for run, other in zip(finished, answers, strict=True)]

@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from plumb.boards.preconditions import require_boards
 from plumb.campaign import batch as batches
-from plumb.campaign import workers
+from plumb.campaign import statistics, workers
 from plumb.campaign.batch import Batch
 from plumb.campaign.folder import Folder, differences
-from plumb.campaign.study import Study
+from plumb.campaign.study import CHOSEN, Study
 from plumb.campaign.workers import Task
 from plumb.errors import UsageError
 
@@ -38,6 +39,8 @@ def run(study: Study, where: Where, done: Callable[[int], object] = lambda runs:
     """
     if where.resume and where.out is None:
         raise UsageError("--resume goes on with a folder: name it with --out")
+    if study.confirm is not None and where.scheduler is None:
+        require_boards([study.confirm], Path(study.image) if study.image is not None else None)
     identity, (size, steps) = batches.identity(study), batches.layout(study)
     tasks = [
         (number, range(begin, min(begin + size, study.runs))) for number, begin in enumerate(range(0, study.runs, size))
@@ -53,12 +56,15 @@ def run(study: Study, where: Where, done: Callable[[int], object] = lambda runs:
         else:
             done(len(indices))
             yield kept
+    alike = not any(factor.name in CHOSEN for factor in study.vary)
     for number, found in _chosen(study, where, left, steps):
         if found.identity != identity:
             odd = differences(found.identity, identity)
             raise UsageError(f"a worker is of another version ({odd}): install the same plumb on it and start it again")
         if folder is not None:
             folder.keep(number, found)
+        if alike and found.metrics:  # a limit without a figure is told before the other batches are run
+            statistics.check_limits(study.limits, found.metrics)
         done(len(found.index))
         yield found
 

@@ -7,6 +7,7 @@ another version gives is refused by its identity (plumb.campaign.campaign).
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -17,6 +18,8 @@ from plumb.campaign.workers import AHEAD, Task
 from plumb.errors import LinkError, UsageError
 from plumb.extras import required
 
+ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://(\[[0-9a-fA-F:.%\w]+\]|[^\s/:\[\]]+):\d{1,5}")
+"""Dask's client leaves a traceback behind when it is closed after an address that it does not know."""
 CONNECT_S, WORKERS_S = 10.0, 60.0
 """Longest wait for the scheduler's answer, and for its first worker."""
 
@@ -26,6 +29,8 @@ def on_cluster(study: Study, tasks: Sequence[Task], address: str) -> Iterator[tu
     that do not answer."""
     distributed = required("distributed", "distributed", "--scheduler", "campaign")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are told as sentences
+    if not ADDRESS.fullmatch(address):
+        raise UsageError(f"'{address}' is no address of a Dask scheduler: write tcp://HOST:PORT")
     if not tasks:
         return
     try:

@@ -57,7 +57,7 @@ def factor_of(name: str, given: object) -> Factor:
     if isinstance(given, Mapping):
         unknown = set(given) - {"low", "high", "log"}
         low, high, log = given.get("low"), given.get("high"), given.get("log", False)
-        if unknown or not _is_number(low) or not _is_number(high) or not isinstance(log, bool):
+        if unknown or not is_number(low) or not is_number(high) or not isinstance(log, bool):
             raise UsageError(f"vary.{name} is no range: write {{ low = NUMBER, high = NUMBER, log = true or false }}")
         assert isinstance(low, int | float) and isinstance(high, int | float)
         if not low < high or (log and low <= 0.0):
@@ -66,14 +66,20 @@ def factor_of(name: str, given: object) -> Factor:
     raise UsageError(f"vary.{name}: give a list of choices, or {{ low = NUMBER, high = NUMBER }}")
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def is_number(value: object) -> bool:
+    """Whether a value of a study is a finite number that a float can hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return False
 
 
 def _choice(name: str, given: object) -> Value:
     if isinstance(given, str):
         return given
-    if isinstance(given, int | float) and _is_number(given):
+    if isinstance(given, int | float) and is_number(given):
         return float(given)
     if isinstance(given, Sequence) and all(isinstance(one, str) for one in given):
         return tuple(given)

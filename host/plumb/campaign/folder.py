@@ -86,7 +86,7 @@ def about_of(path: Path) -> dict[str, Any]:  # Any: JSON
     """campaign.json of a folder; raises UsageError for a folder that has no campaign."""
     try:
         found = json.loads((path / ABOUT).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         raise UsageError(f"{path} has no campaign: give a folder that `plumb campaign --out` has written") from None
     if not isinstance(found, dict) or not isinstance(found.get("study"), dict):
         raise UsageError(f"{path / ABOUT} is not one of a campaign")

@@ -112,7 +112,7 @@ def read_batch(path: Path) -> Batch | None:
     try:
         given = json.loads(path.read_bytes())
         return Batch(**given)
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError, TypeError, RecursionError):
         return None
 
 

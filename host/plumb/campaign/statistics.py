@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from plumb.campaign.results import Results
 from plumb.errors import UsageError
+from plumb.near_names import did_you_mean
 from plumb.proof import intervals
 from plumb.spec.arrays import FloatArray
 
@@ -136,14 +137,20 @@ class Share:
         )
 
 
+def check_limits(limits: Mapping[str, float], metrics: Collection[str]) -> None:
+    """Raises UsageError for a limit of a metric that no run has."""
+    for metric in limits:
+        if metric not in metrics:
+            near = did_you_mean(metric, list(metrics))
+            raise UsageError(f"limits.{metric}: no run has it{near}; there are {', '.join(metrics) or 'no metrics'}")
+
+
 def shares(results: Results, limits: Mapping[str, float]) -> list[Share]:
     """Of every limit; a run without the figure, or that failed, does not keep it. Raises UsageError for a metric that
     no run has."""
+    check_limits(limits, results.metrics)
     found = []
     for metric, limit in limits.items():
-        if metric not in results.metrics:
-            known = ", ".join(results.metrics)
-            raise UsageError(f"limits.{metric}: no run has it; there are {known}")
         kept, runs = int(np.count_nonzero(results.metrics[metric] <= limit)), len(results)
         part, square = kept / runs, NORMAL_95**2
         centre = (part + square / (2.0 * runs)) / (1.0 + square / runs)

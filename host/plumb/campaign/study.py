@@ -31,10 +31,11 @@ from typing import Any
 
 from plumb import systems
 from plumb.campaign import recorded
-from plumb.campaign.factors import DRAWS, GRID, Factor, Value, factor_of, points_of, values_of
+from plumb.campaign.factors import DRAWS, GRID, Factor, Value, factor_of, is_number, points_of, values_of
 from plumb.campaign.recorded import RecordedRequest
 from plumb.errors import UsageError
 from plumb.files.input_files import check_regular
+from plumb.link.endpoint_names import parse_board
 from plumb.near_names import did_you_mean
 from plumb.proof import scenario_run
 from plumb.proof.scenario_run import RunRequest
@@ -42,11 +43,16 @@ from plumb.spec.tuning import AnyTuning
 from plumb.systems.contracts import tuning_for
 
 RUNS, RUNS_MOST = 400, 10_000_000
+SEED_MOST = 10**18
+"""No seed of a campaign is larger: it is a column of 64 bits."""
 RECORDED = ("recording", "grade")
 """Factors of a study on recordings."""
 CHOSEN = ("scenario", "tuning", "start", "faults", *RECORDED)
-"""Factors whose choices are names; others are `condition.NAME` and `tuning.PATH`."""
+"""Factors whose choices are names, and which may decide which figures a run has; others are `condition.NAME` and
+`tuning.PATH`."""
 CONDITION, SETTING = "condition.", "tuning."
+VIRTUAL = "virtual"
+"""The board that has a link and an image."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +87,13 @@ class Study:
     confirm: str | None = None
     link: str = "serial"
     """serial or can, of `virtual`."""
+    image: str | None = None
+    """Flash image of `virtual`: a file, or the name of one in the package; None: the checkout's build."""
     path: str | None = None
     """The file that it was read from."""
 
     def to_json(self) -> dict[str, Any]:  # Any: TOML
-        """Everything that decides what the runs are."""
+        """Everything that decides what the runs are, and the limits."""
         plain = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
         del plain["path"]
         vary = {factor.name: factor.to_json() for factor in self.vary}
@@ -98,7 +106,9 @@ class Study:
         }
 
     def sha256(self) -> str:
-        return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
+        """Of what decides the runs: a limit may change when they are done."""
+        deciding = {name: value for name, value in self.to_json().items() if name != "limits"}
+        return hashlib.sha256(json.dumps(deciding, sort_keys=True).encode()).hexdigest()
 
     def seed(self, index: int) -> int:
         return self.first_seed + (index // points_of(self.vary) if self.draw == GRID else index)
@@ -190,11 +200,10 @@ class Study:
 
     def confirming_command(self, index: int) -> str:
         """The command line that repeats run `index` on the board that confirms."""
-        link = [] if self.link == "serial" else ["--link", self.link]
+        board = [self.confirm or "", *(["--link", self.link] if self.link != "serial" else [])]
+        board += ["--image", self.image] if self.image is not None else []
         before, native, after = self.command(index).partition("--board native")
-        if native:
-            return f"{before}--board {shlex.join([self.confirm or '', *link])}{after}"
-        return f"{before} --confirm {shlex.join([self.confirm or '', *link])}"
+        return f"{before}--board {shlex.join(board)}{after}" if native else f"{before} --confirm {shlex.join(board)}"
 
     def command(self, index: int) -> str:
         """The command line that repeats run `index`."""
@@ -269,13 +278,15 @@ def _replaced(
         return dataclasses.replace(settings, **{path[0]: value})
     if not isinstance(now, int | float) or isinstance(now, bool):
         raise UsageError(f"{path[0]} of the {of} is no number")
+    if isinstance(now, int) and value != int(value):
+        raise UsageError(f"{path[0]} of the {of} is a whole number, not {value:g}")
     return dataclasses.replace(settings, **{path[0]: type(now)(value)})
 
 
 KEYS: dict[str, type] = {
     "system": str, "runs": int, "first_seed": int, "seconds": float, "open_loop": bool, "scenario": str, "tuning": str,
     "start": str, "faults": list, "conditions": dict, "draw": str, "draw_seed": int, "vary": dict, "limits": dict,
-    "reference": bool, "confirm": str, "link": str, "recording": str, "recordings": str, "grade": str,
+    "reference": bool, "confirm": str, "link": str, "image": str, "recording": str, "recordings": str, "grade": str,
     "decimate": int,
 }  # fmt: skip
 """Entries of a study and their kinds."""
@@ -288,8 +299,10 @@ def read(path: Path) -> Study:
     """The study of a TOML file; raises UsageError for a file that is not one."""
     check_regular(path, "give a study as a TOML file, or the name of a system")
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin a file with a mark
+    except RecursionError:
+        raise UsageError(f"{path} is no study: its lists or tables are nested too deeply") from None
+    except (OSError, ValueError) as error:
         raise UsageError(f"{path} is no study: {error}") from None
     return from_table(table, str(path))
 
@@ -313,6 +326,8 @@ def _built(table: Mapping[str, Any], path: str | None) -> Study:  # Any: TOML
         wanted = (int, float) if kind is float else kind
         if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
             raise UsageError(f"{name} = {value!r}: it is {KINDS[kind]}")
+        if kind is float and not is_number(value):
+            raise UsageError(f"{name} is no finite number")
     if "system" not in table:
         raise UsageError('a study names its system: system = "NAME"')
     if table.get("link", "serial") not in ("serial", "can"):
@@ -320,6 +335,8 @@ def _built(table: Mapping[str, Any], path: str | None) -> Study:  # Any: TOML
     given = dict(table)
     given["vary"] = tuple(factor_of(name, value) for name, value in _flat(given.get("vary", {})).items())
     given["faults"] = tuple(given.get("faults", ()))
+    if not all(isinstance(fault, str) for fault in given["faults"]):
+        raise UsageError(f"faults = {list(given['faults'])!r}: it is a list of texts")
     for entry in ("conditions", "limits"):
         given[entry] = {name: _real(f"{entry}.{name}", value) for name, value in given.get(entry, {}).items()}
     return Study(**given, path=path)
@@ -328,6 +345,8 @@ def _built(table: Mapping[str, Any], path: str | None) -> Study:  # Any: TOML
 def _real(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise UsageError(f"{name} = {value!r}: it is a number")
+    if not is_number(value):
+        raise UsageError(f"{name} is no finite number")
     return float(value)
 
 
@@ -345,12 +364,16 @@ def check(study: Study) -> None:
     systems.load(study.system)
     if not 1 <= study.runs <= RUNS_MOST:
         raise UsageError(f"runs = {study.runs}: a campaign has 1 to {RUNS_MOST} runs")
-    if study.first_seed < 0 or study.draw_seed < 0:
-        raise UsageError("a seed is 0 or more")
+    if not (0 <= study.first_seed <= SEED_MOST - study.runs and 0 <= study.draw_seed <= SEED_MOST):
+        raise UsageError(f"a seed is 0 to {SEED_MOST}, that of the last run, too")
     if study.draw not in DRAWS:
         raise UsageError(f"draw = '{study.draw}'; there are {', '.join(DRAWS)}")
     if study.seconds is not None and not 1.0 <= study.seconds <= 3600.0:
         raise UsageError(f"seconds = {study.seconds:g}: a run takes 1 to 3600 s")
+    if study.confirm is not None:
+        parse_board(study.confirm)
+    if study.confirm != VIRTUAL and (study.link != "serial" or study.image is not None):
+        raise UsageError(f"{'link' if study.image is None else 'image'} is for confirm = '{VIRTUAL}'")
     for factor in study.vary:
         if factor.name not in CHOSEN and not factor.name.startswith((CONDITION, SETTING)):
             known = ", ".join((*CHOSEN, f"{CONDITION}NAME", f"{SETTING}PATH"))
@@ -360,6 +383,8 @@ def check(study: Study) -> None:
             raise UsageError(f"vary.{factor.name}: give a list of names")
         if factor.name in CHOSEN and not factor.choices:
             raise UsageError(f"vary.{factor.name}: give a list of choices")
+        if _is_set(study, factor.name):
+            raise UsageError(f"{factor.name} is set, and varied by vary.{factor.name}: leave one of them out")
     _check_recorded(study)
     points = points_of(study.vary) if study.draw == GRID else 1
     for index in range(min(study.runs, max(points, 1), 1000)):
@@ -368,6 +393,13 @@ def check(study: Study) -> None:
             scenario_run.check(study.request(index))
         else:
             recorded.check(replay)
+
+
+def _is_set(study: Study, factor: str) -> bool:
+    """Whether the study gives one value to what the factor varies. Faults of both are added."""
+    if factor.startswith(CONDITION):
+        return factor.removeprefix(CONDITION) in study.conditions
+    return factor in CHOSEN and factor != "faults" and getattr(study, factor) is not None
 
 
 def _check_recorded(study: Study) -> None:

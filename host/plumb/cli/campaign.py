@@ -24,6 +24,9 @@ from plumb.cli import options
 if TYPE_CHECKING:
     from plumb.campaign.study import Study
 
+WORKERS_MOST = 1024
+"""More processes are no machine's; each takes some hundred megabytes."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("study", metavar="SYSTEM|STUDY.toml", help="a system, or a file that declares a study")
@@ -37,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_open_loop(parser)
     parser.add_argument("--reference", action="store_true", help="compare every run with the float64 reference, too")
     parser.add_argument("--confirm", metavar="B", help="run every step on a further board and compare: virtual, qemu")
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="link to a `virtual` that confirms")
+    options.add_link_and_image(parser)
     parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="tcp://HOST:PORT of a Dask scheduler, instead of cores")
     parser.add_argument("--out", type=Path, metavar="DIR", help="keep every batch, and write runs, summary and page")
@@ -47,18 +50,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_json(parser)
 
 
+def _is_file(arguments: argparse.Namespace) -> bool:
+    """Whether the study is a file, and not the name of a system."""
+    return Path(arguments.study).suffix == ".toml"
+
+
 def _study(arguments: argparse.Namespace) -> Study:
     from plumb.campaign import study
     from plumb.errors import UsageError
 
     given = str(arguments.study)
     path = Path(given)
-    declared = path.suffix == ".toml"
+    declared = _is_file(arguments)
     table: dict[str, Any] = study.read(path).to_json() if declared else {"system": given}  # Any: TOML
     asked = {
         "runs": arguments.runs, "seconds": arguments.seconds, "first_seed": arguments.first_seed,
         "scenario": arguments.scenario, "tuning": arguments.tuning, "confirm": arguments.confirm,
         "link": arguments.link if arguments.link != "serial" else None,
+        "image": None if arguments.image is None else str(arguments.image),
     }  # fmt: skip
     table = {name: value for name, value in {**table, **_given(asked)}.items() if value is not None}
     if arguments.condition:
@@ -85,9 +94,12 @@ def check(arguments: argparse.Namespace) -> None:
     """What is wrong in the study. Raises UsageError."""
     from plumb.errors import UsageError
 
+    if not _is_file(arguments):
+        options.check_of_virtual(arguments, arguments.confirm or "")
     study = _study(arguments)
-    if arguments.workers is not None and arguments.workers < 1:
-        raise UsageError(f"--workers {arguments.workers}: at least one")
+    options.check_of_virtual(arguments, study.confirm or "")
+    if arguments.workers is not None and not 1 <= arguments.workers <= WORKERS_MOST:
+        raise UsageError(f"--workers {arguments.workers}: 1 to {WORKERS_MOST} processes")
     if arguments.only is not None and not 0 <= arguments.only < study.runs:
         raise UsageError(f"--only {arguments.only}: the study has runs 0 to {study.runs - 1}")
     if arguments.resume and arguments.out is None:
