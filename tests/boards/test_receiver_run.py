@@ -22,6 +22,7 @@ from plumb.spec import crsf
 from plumb.spec.protocol import protocol
 from plumb.systems import run_fixed
 from plumb.systems.quadrotor import quantise, scenarios
+from support.image_patches import patched
 
 PARAMS = quantise.quantise(scenarios.TUNINGS["hummingbird"])
 PERIOD_US = 2500
@@ -245,6 +246,55 @@ def test_a_flood_of_bytes_does_not_make_the_loop_late(stream: str) -> None:
     assert 10_000 < handled["bytes"] <= 12_000 and handled["instructions"] <= 25 * handled["bytes"]
     assert flight.capture.steps - steps == 100
     assert not flight.session.connect()["FAULTS"] & (LATE | OVERRUN) and machine.warnings == []
+
+
+def test_no_handler_keeps_a_byte_waiting_until_the_next_one_comes() -> None:
+    """A byte waits in the data register for 24 us. Handlers of the same priority, or of a higher one, take 12.7 us at
+    the most: the end of a transfer from the sensors, with the check of their counts."""
+    flight = virtual()
+    machine = flight.board
+    flight.begin()
+    flight.fly(0.1, crsf.sticks())
+    longest: dict[int, float] = {}
+    begun: list[tuple[int, float]] = []
+    enter, leave = machine.nvic.enter, machine.nvic.leave
+
+    def entered(number: int) -> None:
+        begun.append((number, machine.now_us))
+        enter(number)
+
+    def left() -> int:
+        number, begin_us = begun.pop()
+        longest[number - 16] = max(longest.get(number - 16, 0.0), machine.now_us - begin_us)
+        return int(leave())
+
+    machine.nvic.enter, machine.nvic.leave = entered, left
+    flight.receive(crsf.sticks() * 400)
+    flight.fly(0.3, b"")
+    assert longest[39] < 1.0 and len(longest) > 5
+    assert max(longest.values()) < 20.0
+
+
+def test_a_loop_that_stands_still_loses_the_bytes_behind_the_first_128() -> None:
+    pytest.importorskip("unicorn")
+    from plumb.boards.strap import set_strap
+    from plumb.f103.machine import Machine
+
+    elf = Elf(IMAGE)
+    machine = Machine(patched(IMAGE.with_suffix(".bin").read_bytes(), elf, "session_poll", b"\xfe\xe7"))
+    set_strap(machine, "quadrotor")
+    machine.reset()
+    machine.advance_us(10_000)
+    data = bytes(range(250))
+    machine.usart3.receive(data)
+    machine.advance_us(7_000)
+
+    def memory(name: str, size: int) -> bytes:
+        at = elf.symbol(name).address - 0x20000000
+        return bytes(machine.cpu.ram[at : at + size])
+
+    assert memory("sticks_ring", 128) == data[:128] and memory("sticks_errors", 4)[0] == len(data) - 128
+    assert machine.reset_count == 2 and machine.warnings == []
 
 
 def test_damaged_and_lost_bytes_are_counted_and_the_next_frame_counts_again() -> None:
