@@ -82,7 +82,7 @@ def test_the_demo_holds_the_axis_level_and_agrees_in_every_bit(
 
 @pytest.mark.slow
 def test_a_live_open_loop_takes_the_counts_of_the_scenario_and_knows_its_truth_to_the_last_step() -> None:
-    scenario = quad.scenario("motion", 1002, seconds=6.0)
+    scenario = quad.scenario("motion", 1002, seconds=4.0)
     with VirtualBoard() as board:
         flown = live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
     assert np.array_equal(flown.inputs.raw, scenario.counts())
@@ -92,11 +92,11 @@ def test_a_live_open_loop_takes_the_counts_of_the_scenario_and_knows_its_truth_t
 @pytest.mark.slow
 def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
     """A step or two late, as over any link; which step was the first to use one the board says, so all is verified."""
-    scenario = quad.scenario("motion", 1005, seconds=7.0)
+    scenario = quad.scenario("motion", 1005, seconds=6.0)
     with VirtualBoard() as board:
         flown = live_run.run_live(board, scenario, quantise.quantise(quad.HOLD))
     asked, used = scenario.setpoint().astype(np.int64), flown.inputs.setpoint.astype(np.int64)
-    # The setpoint of `motion` changes in most of 350 steps.
+    # The setpoint of `motion` changes in most of 300 steps.
     assert flown.verdict == "pass" and len(set(used.tolist())) > 50
     late = [int(np.abs(used[steps:] - asked[: len(asked) - steps]).max()) for steps in range(4)]
     assert min(late) < 2**32 / 360, "within a degree of what was asked a few steps before"

@@ -32,15 +32,19 @@ class Plumb:
         return done
 
 
-def build(source: Path, target: Path, python: Path, *options: str, image: str = "") -> tuple[Path, Path]:
+def build(
+    source: Path, target: Path, python: Path, *options: str, image: str = "", core: bool = True
+) -> tuple[Path, Path]:
     """The native core and the flash image of the sources, nothing else: the cores for QEMU and the C library would
     double the time. The core without optimisation, which builds twice as fast. image: the systems of the image, where
-    they are fewer than those of the core."""
+    they are fewer than those of the core. core: False for the image alone."""
     chip = f"-DCMAKE_TOOLCHAIN_FILE={source}/firmware/ports/stm32f103/toolchain.cmake"
     for name, wanted, own in (
         ("native", "python_libraries", ["-DPLUMB_TESTS=OFF", "-DCMAKE_BUILD_TYPE=Debug"]),
         ("image", "firmware", [chip, "-DCMAKE_BUILD_TYPE=Image", *([f"-DPLUMB_SYSTEMS={image}"] if image else [])]),
     ):
+        if name == "native" and not core:
+            continue
         configure: list[str | Path] = [
             "cmake",
             "-S",

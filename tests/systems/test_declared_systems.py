@@ -75,7 +75,7 @@ void plumb_tower_step(plumb_tower_t *c, const plumb_params_t *p, const int16_t r
 
 @pytest.fixture(scope="module")
 def tower(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
-    """An image and a core of a system alone whose step calls that of the toy."""
+    """An image of a system alone whose step calls that of the toy; a core has its sources by the same list."""
     systems = tmp_path_factory.mktemp("systems")
     shutil.copytree(TOYS, systems, dirs_exist_ok=True)
     declared = (TOYS / "toy" / "system.toml").read_text(encoding="utf-8")
@@ -89,7 +89,7 @@ def tower(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
     (systems / "tower" / "tower.h").write_text(TOWER_H, encoding="utf-8")
     options = ("-DPLUMB_SYSTEMS=tower", f"-DPLUMB_SYSTEM_PATH={systems}")
     python = Path(sys.executable)
-    core, image = build(ROOT, tmp_path_factory.mktemp("tower"), python, *options)
+    core, image = build(ROOT, tmp_path_factory.mktemp("tower"), python, *options, core=False)
     return Plumb(python, core, image, {"PLUMB_SYSTEM_PATH": str(systems)})
 
 
