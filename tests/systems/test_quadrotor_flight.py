@@ -84,7 +84,7 @@ def test_nothing_turns_before_the_switch() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("link", ["serial", "can"])
 def test_a_flight_in_closed_loop_on_the_flash_image_is_the_model_bit_for_bit(link: str) -> None:
-    """From rest to turning rotors, over CAN at rest: flights are golden vectors, and their frames those of the start."""
+    """From rest to turning rotors, over CAN at rest: flights are golden vectors, and their frames those of a rest."""
     pytest.importorskip("unicorn")
     from plumb.boards.virtual import VirtualBoard
 
