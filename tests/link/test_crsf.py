@@ -8,7 +8,8 @@ from itertools import combinations
 
 import pytest
 
-from plumb.spec import crsf
+from plumb.spec import crsf, declarations
+from plumb.systems.quadrotor import scenarios
 from support.receiver_twin import LENGTHS, by_firmware, by_twin, frames_in
 
 GAP = bytes(26)
@@ -176,3 +177,27 @@ def test_a_transmitter_that_is_lost_moves_nothing() -> None:
     assert [row.words[5] for row in rows] == [1, 2, 3, 259, 260, 261, 262, 263, 7, 8]
     assert {row.words[:5] for row in rows[2:9]} == {rows[2].words[:5]}
     assert rows[9].words[0] == 32767 and rows[9].words[4] == 1, "one frame turns no switch"
+
+
+@pytest.mark.parametrize("name", ["sticks", "lost"])
+def test_the_frames_of_a_scenario_bring_its_inputs_back(name: str) -> None:
+    """To within the resolution of a channel, 40 of 32767; a switch three frames later; the number counts on."""
+    scenario = scenarios.scenario(name, 1000, seconds=12.0 if name == "lost" else 4.0)
+    counts = declarations.system("quadrotor").counts
+    commands, throttles = scenario.counts()[:, counts:], scenario.setpoint()
+    pilot, stream, ends = crsf.Pilot(), b"", []
+    for throttle, words in zip(throttles.tolist(), commands.tolist(), strict=True):
+        stream += pilot.frames(throttle, words)
+        ends.append(len(stream))
+    rows = iter([*by_firmware(stream), None])
+    row, following = None, next(rows)
+    worst, lost = 0, []
+    for end, throttle, words in zip(ends, throttles.tolist(), commands.tolist(), strict=True):
+        while following is not None and following.end <= end:
+            row, following = following, next(rows)
+        if row is None or row.words[5] & 256:
+            lost.append(bool(words[4] & 256))
+            continue
+        worst = max(worst, *(abs(a - b) for a, b in zip(row.words[:4], [max(throttle, 0), *words[:3]], strict=True)))
+        assert row.words[5] == words[4] and row.words[5] & 255
+    assert 0 < worst <= 40 and all(lost)

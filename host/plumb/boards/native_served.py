@@ -17,7 +17,7 @@ from plumb.boards.flash_file import SLOTS_BYTES, KeptSlots
 from plumb.boards.native_mcu import NativeMcu, State
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.link.session import Session
-from plumb.spec import declarations
+from plumb.spec import crsf, declarations
 from plumb.spec.protocol import FRAME_DLC
 from plumb.systems.contracts import PINS, Plant
 from plumb.tuning.quantise import quantise
@@ -28,6 +28,8 @@ START_US = 50_000
 """Time from power-up until the host connects."""
 UART_BYTE_NS = 10_851
 """Time of a byte at 921600 baud."""
+RECEIVER_BYTE_NS = round(10e9 / crsf.BAUD)
+"""Time of a byte of the radio receiver."""
 BITS_PER_FRAME = 130
 """Length of a CAN frame of 8 bytes, some stuff bits included."""
 SEND_PATIENCE_S = 0.02
@@ -49,6 +51,7 @@ def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant
         mcu.power_off()
         mcu.power_on()
         mcu.run_us(START_US)
+    mcu.wires.receiver_byte_ns = RECEIVER_BYTE_NS
     mcu.wires.uart_in_byte_ns = mcu.wires.uart_out_byte_ns = UART_BYTE_NS
     return ServedNative(mcu, system, plant)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -62,6 +63,14 @@ class Trace(Protocol):
     def flush(self) -> None: ...
 
 
+@dataclass(frozen=True)
+class Radio:
+    """The line of a board's radio receiver. spec: where it is served; receive: takes its bytes."""
+
+    spec: str
+    receive: Callable[[bytes], object]
+
+
 Join = Callable[[can.BusABC, int], Joined]
 """Couples a board's CAN bus with another bus, at this bit rate in kbit/s."""
 
@@ -75,10 +84,11 @@ def run_paced(
     say: Callable[[str], None] = lambda text: None,
     trace: Trace | None = None,
     orders: Orders | None = None,
+    sticks: tuple[ServerEndpoint, Callable[[bytes], object]] | None = None,
 ) -> None:
     """Run the board in real time until stopped() is true; bytes pass between its UART and `line`, frames through
-    `joint`. trace is flushed, and orders are looked at, as time passes. say: called with a sentence when the board
-    falls behind real time, and when it keeps up again."""
+    `joint`, and bytes of the endpoint of `sticks` to what takes them. trace is flushed, and orders are looked at,
+    as time passes. say: called with a sentence when the board falls behind real time, and when it keeps up again."""
     begin_wall, begin_ticks = time.monotonic(), machine.now
     started_s = begin_wall
     watch = RealTimeWatch("the virtual board", "this machine is too slow or too busy for it", say, time.monotonic)
@@ -94,6 +104,8 @@ def run_paced(
         data = line.read()
         if data:
             machine.uart.write(data)
+        if sticks is not None and (heard := sticks[0].read()):
+            sticks[1](heard)
         waiting = machine.uart.in_waiting
         if waiting:
             line.write(machine.uart.read(waiting))
@@ -171,16 +183,23 @@ def serve(
     say: Callable[[str], None] = lambda text: None,
     trace: Trace | None = None,
     orders: Orders | None = None,
+    radio: Radio | None = None,
+    announce_radio: Callable[[str], None] = print,
 ) -> None:
-    """Serve the board's UART on `spec`, and its CAN bus, coupled by join(), on `can_spec`, until stopped() is true.
+    """Serve the board's UART on `spec`, its CAN bus, coupled by join(), on `can_spec`, and the line of its receiver as
+    radio says, until stopped() is true.
 
-    announce is called with the address of each, as a board's name without `serial:`; say, trace and
-    orders as in `run_paced`.
+    announce is called with the address of each, as a board's name without `serial:`, and announce_radio with that of
+    the receiver's line; say, trace and orders as in `run_paced`.
     """
-    line = open_endpoint(spec, link)
-    try:
-        with joined(join, can_spec, announce) as joint:
-            announce(line.address)
-            run_paced(machine, line, stopped, joint, kept, say, trace, orders)
-    finally:
-        line.close()
+    with contextlib.ExitStack() as stack:
+        line = open_endpoint(spec, link)
+        stack.callback(line.close)
+        sticks = None
+        if radio is not None:
+            sticks = open_endpoint(radio.spec), radio.receive
+            stack.callback(sticks[0].close)
+            announce_radio(sticks[0].address)
+        joint = stack.enter_context(joined(join, can_spec, announce))
+        announce(line.address)
+        run_paced(machine, line, stopped, joint, kept, say, trace, orders, sticks)

@@ -9,6 +9,8 @@
                                                    several clients: all receive what one has asked for
     plumb virtual-board --can socketcan:vcan0      or a node on any bus that python-can opens, INTERFACE:CHANNEL[@KBIT]
 
+    plumb virtual-board --strap quadrotor --receiver pty       its radio receiver: write CRSF to that terminal
+
     plumb virtual-board --strap bridge             the strap (PB4, PB5) wired for these pins; default: as --system wants
     plumb virtual-board --port native              the same main loop on a board in memory: no image, no Unicorn
     plumb virtual-board --vcd board.vcd            record its pins and buses: gtkwave board.vcd
@@ -38,12 +40,16 @@ from typing import TYPE_CHECKING
 from plumb.cli import options
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from plumb.boards.flash_file import KeptSlots
     from plumb.boards.hand_orders import HandOrders
     from plumb.boards.serve import Join, Served
     from plumb.f103.machine import Machine
     from plumb.f103.waveforms import VcdTrace
     from plumb.systems.contracts import Plant
+
+    Hear = Callable[[bytes], object]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,6 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--can", metavar="INTERFACE:CHANNEL", help="where its CAN bus is served or joined (default: nowhere)"
+    )
+    parser.add_argument(
+        "--receiver", metavar="pty|tcp:PORT", help="where the line of its radio receiver is served (default: nowhere)"
     )
     parser.add_argument("--symlink", type=Path, help="make this symbolic link to the terminal")
     options.add_system(parser, "start as this system, with its plant on the pins")
@@ -69,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.boards.serve import serve
+    from plumb.boards.serve import Radio, serve
     from plumb.errors import UsageError
     from plumb.files.whole_files import require_different
     from plumb.link.endpoint_names import PtyName, parse_can_end, parse_endpoint
@@ -86,9 +95,13 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError(NO_TERMINAL)
     if arguments.can:
         parse_can_end(arguments.can)
+    if arguments.receiver:
+        parse_endpoint(arguments.receiver)
     traces: list[VcdTrace] = []
     plant, orders = _plant(arguments)
-    board, join, kept = _native(arguments, plant) if arguments.port == "native" else _f103(arguments, plant, traces)
+    board, join, kept, hear = (
+        _native(arguments, plant) if arguments.port == "native" else _f103(arguments, plant, traces)
+    )
 
     def announce(address: str) -> None:
         name = address if address.startswith("can:") else f"serial:{arguments.symlink or address}"
@@ -111,6 +124,8 @@ def main(arguments: argparse.Namespace) -> int:
             say=say,
             trace=trace,
             orders=orders,
+            radio=Radio(arguments.receiver, hear) if arguments.receiver else None,
+            announce_radio=lambda address: print(f"its radio receiver listens at {address}", flush=True),
         )
     if caught[:1] == [signal.SIGINT]:
         raise KeyboardInterrupt
@@ -154,7 +169,7 @@ def _strap(arguments: argparse.Namespace) -> str:
 
 def _f103(
     arguments: argparse.Namespace, plant: Plant | None, traces: list[VcdTrace]
-) -> tuple[Served, Join, KeptSlots | None]:
+) -> tuple[Served, Join, KeptSlots | None, Hear]:
     """The simulated chip with the flash image; the recording of --vcd, which begins with power-up, is put on traces."""
     from plumb.boards import plant_on_pins
     from plumb.boards.flash_file import MachineSlots, read_slots
@@ -177,10 +192,10 @@ def _f103(
     if arguments.system and not slots:
         plant_on_pins.boot_configured_as(machine, arguments.system, strap)
     kept = MachineSlots(machine, arguments.keep) if arguments.keep else None
-    return machine, functools.partial(Joint, machine), kept
+    return machine, functools.partial(Joint, machine), kept, machine.usart3.receive
 
 
-def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served, Join, KeptSlots | None]:
+def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served, Join, KeptSlots | None, Hear]:
     """The main loop on a board in memory."""
     from plumb.boards.flash_file import read_slots
     from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
@@ -195,4 +210,4 @@ def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served,
         raise UsageError(f"there is no strap setting '{strap}'; use one of {', '.join(BY_PIN_SET)}")
     board = open_native(BY_PIN_SET.index(strap), slots, arguments.system, plant)
     kept = NativeSlots(board.mcu, arguments.keep) if arguments.keep else None
-    return board, functools.partial(NativeJoint, board.mcu), kept
+    return board, functools.partial(NativeJoint, board.mcu), kept, board.mcu.receiver_send

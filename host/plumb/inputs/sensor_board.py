@@ -9,6 +9,9 @@ plant repeats them until the board is armed; then the scenario continues. If the
 after that, it is reset to the beginning, as a person would put a fallen vehicle upright, so that the board can be armed
 again.
 
+Where the board under test has a radio receiver, the setpoint and the commands of the scenario go to it as frames of
+CRSF, and none goes to the bus.
+
 A setpoint that is not 0 is repeated, because the STM32 treats a silent source as lost. It carries the tag of the run
 from TIME; a bridge replaces it with its own.
 """
@@ -23,6 +26,7 @@ import can
 from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.said_setpoint import SaidSetpoint
 from plumb.link.sample_codec import InputLayout, sample_frames
+from plumb.spec import crsf
 from plumb.spec.protocol import check, protocol
 from plumb.systems.contracts import Plant
 
@@ -49,13 +53,14 @@ class SensorBoard:
         greet: bool = False,
         rest_s: float = 0.0,
         layout: InputLayout | None = None,
+        sticks: Callable[[bytes], object] | None = None,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
         """plant: creates the plant at the beginning of the scenario. outputs: word of the record -> (frame, signal)
         that carries it. greet: send HELLO while no board is heard, as a node on the board's CAN bus must. rest_s:
         length of the rest at the beginning of the scenario, repeated until the board is armed; 0 runs the scenario
-        at once. layout: inputs of the system; None: six counts. say: called with a sentence when the samples fall
-        behind real time, and when they keep up again."""
+        at once. layout: inputs of the system; None: six counts. sticks: the line to the board's receiver. say:
+        called with a sentence when the samples fall behind real time, and when they keep up again."""
         self.bus, self.plant, self.period_s = bus, plant(), period_us * 1e-6
         self._new_plant = plant
         self.sent = self.late = 0
@@ -65,6 +70,7 @@ class SensorBoard:
         self._values: dict[str, int] = {}
         self._setpoint = self._run_tag = 0
         self._layout = layout or InputLayout()
+        self._sticks, self._pilot = sticks, crsf.Pilot()
         self._said = SaidSetpoint(self._protocol)
         self._said.begin(self._layout.neutral)
         self._step_s = self._heard_s = self._greeted_s = float("-inf")
@@ -103,7 +109,9 @@ class SensorBoard:
             self._greeted_s = now_s
             hello = self._protocol["HELLO"]
             self._send(hello.identifier, hello.pack(0, 0, self._protocol.version, self._protocol.dbc_hash))
-        if setpoint != self._setpoint:
+        if self._sticks is not None:
+            self._sticks(self._pilot.frames(setpoint, counts[self._layout.counts :]))
+        elif setpoint != self._setpoint:
             self._setpoint = setpoint
             self._said.say(setpoint, repeats=True)
         if self._said.due(now_s, armed=True):

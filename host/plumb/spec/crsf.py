@@ -11,6 +11,10 @@ SYNC, STICKS, STATISTICS = 0xC8, 0x16, 0x14
 CHANNELS, CHANNEL_BITS = 16, 11
 LOW, MIDDLE, HIGH = 172, 992, 1811
 """Values of a channel at the ends and in the middle of a stick."""
+FULL = 32767
+"""A stick at its end, as an input of a step."""
+NUMBER, LOST = 255, 256
+"""Of the command `receiver`: the number of the newest frame, and the bit of a transmitter that is lost."""
 POLYNOMIAL = 0xD5
 BAUD = 420_000
 
@@ -52,7 +56,34 @@ def sticks(
     return channels([stick(roll), stick(pitch), up, stick(-yaw), *(HIGH if switch else LOW for switch in (on, rate))])
 
 
+def of_inputs(throttle_q15: int, roll_q15: int, pitch_q15: int, yaw_q15: int, switches: int) -> bytes:
+    """A frame of channels by the setpoint and the first commands of a step; switches: bit 0 the rotors, bit 1 the mode
+    rate. An input comes back to within the resolution of a channel."""
+    return sticks(
+        roll=roll_q15 / FULL, pitch=pitch_q15 / FULL, throttle=max(throttle_q15, 0) / FULL, yaw=yaw_q15 / FULL,
+        on=bool(switches & 1), rate=bool(switches & 2),
+    )  # fmt: skip
+
+
 def statistics(link_quality: int) -> bytes:
     """A frame of link statistics: quality of the link to the receiver in percent; the rest is what a receiver close to
     its transmitter says."""
     return frame(STATISTICS, bytes([40, 40, link_quality, 10, 0, 2, 3, 45, 100, 8]))
+
+
+class Pilot:
+    """The frames that a receiver would send for the inputs of a run, step by step: one of channels for each new number
+    of a frame, and link statistics when the transmitter is lost or found again."""
+
+    def __init__(self) -> None:
+        self._number, self._lost = 0, False
+
+    def frames(self, setpoint: int, commands: Sequence[int]) -> bytes:
+        """What is sent before the step with these inputs; commands: its words, the receiver's fifth."""
+        roll, pitch, yaw, switches, receiver = commands[:5]
+        number, lost = receiver & NUMBER, bool(receiver & LOST)
+        sent = b"" if number == self._number else of_inputs(setpoint, roll, pitch, yaw, switches)
+        if lost != self._lost:
+            sent += statistics(0 if lost else 100)
+        self._number, self._lost = number, lost
+        return sent
