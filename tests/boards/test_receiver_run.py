@@ -332,3 +332,28 @@ def test_bytes_that_the_loop_does_not_fetch_are_lost_and_counted() -> None:
     flight.fly(0.02, b"")
     assert flight.newest()[0][0] == 8201
     assert flight.session.connect()["FAULTS"] >> 16 & 0xFF > 50
+
+
+@pytest.mark.parametrize(
+    ("crystal", "pll", "baud"), [(True, True, 36e6 / 86), (False, True, 32e6 / 76), (False, False, 8e6 / 19)]
+)
+def test_the_line_keeps_its_rate_on_every_clock(crystal: bool, pll: bool, baud: float) -> None:
+    pytest.importorskip("unicorn")
+    from plumb.boards.strap import set_strap
+    from plumb.f103.machine import Machine
+
+    machine = Machine(IMAGE, crystal=crystal)
+    machine.rcc.pll_dead = not pll
+    set_strap(machine, "quadrotor")
+    machine.reset()
+    assert machine.run_until(lambda: machine.usart3.cr1 != 0, 1e6)
+    assert machine.usart3.baud == pytest.approx(baud) == pytest.approx(crsf.BAUD, rel=0.004)
+    assert machine.pin("PB11"), "an open line reads idle"
+
+
+def test_other_pin_sets_leave_the_line_alone() -> None:
+    pytest.importorskip("unicorn")
+    from plumb.boards.virtual_machine import open_machine
+
+    machine = open_machine(IMAGE)
+    assert machine.usart3.brr == machine.usart3.cr1 == 0 and machine.pin("PB11") is None

@@ -45,7 +45,7 @@ _REASONS = {
     "NO_RUN": "no run is on",
     "FLASH": "its flash does not take it, what was saved before is still there",
     "NOTHING_SAVED": "nothing is saved",
-    "OWNER": "this run takes them from another link",
+    "OWNER": "this run takes them from another link, or from the receiver on the board",
     "RUN_TAG": "it is for another run",
     "ARMED": "while it is armed, only gains of controllers change, to twice or half of what they were at arming",
     "GREETING": "no host of its version has connected over this link",
