@@ -33,6 +33,7 @@ HANDLER(dma1_channel4_handler);
 HANDLER(dma1_channel5_handler);
 HANDLER(tim2_handler);
 HANDLER(usart1_handler);
+HANDLER(usart3_handler);
 
 typedef void (*vector_t)(void);
 __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60] = {
@@ -54,4 +55,5 @@ __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60
     [16 + 15] = dma1_channel5_handler,
     [16 + 28] = tim2_handler,
     [16 + 37] = usart1_handler,
+    [16 + 39] = usart3_handler,
 };

@@ -237,3 +237,60 @@ def test_pins_are_checked_by_name(board: NewBoard) -> None:
             wrong()
     with pytest.raises(UsageError, match="ADC input"):
         machine.adc["PB9"] = 1.0
+
+
+RXNE, ORE, FE = 1 << 5, 1 << 3, 1 << 1
+
+
+def test_usart3_receives_by_interrupt_and_an_overrun_loses_the_later_byte(board: NewBoard) -> None:
+    b = board("receive")
+    usart = b.machine.usart3
+
+    def taken(count: int) -> list[tuple[int, int]]:
+        """Errors and byte of the newest interrupts."""
+        last = b.result(0)
+        both = [b.result(8 + place) for place in range(last - count, last)]
+        return [(one >> 8 & (RXNE | ORE | FE), one & 0xFF) for one in both]
+
+    b.machine.advance_us(1000)
+    assert b.result(2) == 1 and usart.baud == pytest.approx(8e6 / 19)
+    begin = b.machine.now_us
+    usart.receive(b"\x11\x22\x33")
+    assert b.machine.run_until(lambda: b.result(0) == 3, 1000)
+    assert b.machine.now_us - begin == pytest.approx(30e6 / 420e3, abs=8)
+    assert taken(3) == [(RXNE, 0x11), (RXNE, 0x22), (RXNE, 0x33)]
+    b.ask(1, 1)
+    b.machine.advance_us(10)
+    usart.receive(b"\x44\x55\x66")
+    b.machine.advance_us(100)
+    assert b.result(0) == 3
+    b.ask(1, 0)
+    b.machine.advance_us(10)
+    assert taken(1) == [(RXNE | ORE, 0x44)] and b.result(0) == 4, "one byte is in DR; the others are lost"
+    usart.receive(b"\x77", FE)
+    usart.host_baud = 460800
+    usart.receive(b"\x88")
+    b.machine.advance_us(100)
+    assert [flags for flags, _ in taken(2)] == [RXNE | FE, RXNE | FE], "a wrong stop bit; another rate"
+    usart.host_baud = 420000
+    usart.receive(b"\x99")
+    b.machine.advance_us(100)
+    assert taken(1) == [(RXNE, 0x99)] and b.machine.warnings == []
+
+
+@pytest.mark.parametrize("why", ["output", "remapped", "no clock"])
+def test_usart3_hears_nothing_on_a_pin_that_is_not_its_own(board: NewBoard, why: str) -> None:
+    b = board("receive")
+    machine = b.machine
+    machine.advance_us(1000)
+    if why == "output":
+        machine.port("PB11").write_crh(0x44443444)
+    elif why == "remapped":
+        machine.rcc.write_apb2enr(machine.rcc.apb2enr | 1)
+        machine.afio.write_mapr(1 << 4)
+    else:
+        machine.rcc.write_apb1enr(0)
+        machine.usart3.reset()
+    machine.usart3.receive(b"\x11")
+    machine.advance_us(100)
+    assert b.result(0) == 0
