@@ -24,8 +24,12 @@ from plumb.spec.records import Words
 from plumb.systems.contracts import PushedSystem, tuning_for
 from plumb.tuning.quantise import ControlParams, quantise
 
-SYSTEMS = tuple(name for name, declared in declarations.systems().items() if declared.is_driven)
-"""Systems with an actuator."""
+SYSTEMS = tuple(
+    name
+    for name, declared in declarations.systems().items()
+    if declared.is_driven and declared.checked_by == "plausibility"
+)
+"""Systems with an actuator; one that flies is never disarmed by such a check."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ from gen_params_text import (  # type: ignore[import-not-found]  # noqa: E402
     UNREACHED,
     WHOLE,
 )
-from plumb.spec.armed_values import PRODUCT, REACH, conditions  # noqa: E402
+from plumb.spec import declarations  # noqa: E402
+from plumb.spec.armed_values import LEAST, MOST, PRODUCT, REACH, Condition, conditions  # noqa: E402
 from plumb.spec.parameters import Parameter, table  # noqa: E402
 
 
@@ -106,9 +107,15 @@ def run_rows(rows: Sequence[Parameter], held: Sequence[Parameter]) -> str:
 
 def condition_code(names: Sequence[str], held: Sequence[str]) -> tuple[str, str]:
     """For conditions of several words: a function, and the statements of params_unsafe(). names: all, by index; held:
-    by place. A condition without a held word is left out: factory values keep it."""
+    by place. A condition without a held word is left out, because factory values keep it; so is one of a system whose
+    own words are not held."""
+
+    def is_held(one: Condition) -> bool:
+        own = declarations.system(one.system).parameters if one.system else ()
+        return bool(set(one.words) & set(held)) and {row["name"] for row in own} <= set(held)
+
     lines = []
-    those = [one for one in conditions() if set(one.words) & set(held)]
+    those = [one for one in conditions() if is_held(one)]
     reaches = [(held.index(one.words[0]), one) for one in those if one.kind == REACH]
     for first, one in reaches:
         assert [held.index(name) for name in one.words] == list(range(first, first + 4)), one.words
@@ -127,6 +134,14 @@ def condition_code(names: Sequence[str], held: Sequence[str]) -> tuple[str, str]
             "    }",
         ]
     for one in those:
+        if one.kind in (MOST, LEAST):
+            place, sign = names.index(one.words[0]), ">" if one.kind == MOST else "<"
+            number = declarations.system(one.system).number
+            lines += [
+                f"    if (p->control.system == {number}U && (int32_t)params_word(p, {place}U) {sign} {one.limit}) {{",
+                f"        return {place}U;",
+                "    }",
+            ]
         if one.kind == PRODUCT:
             first, second = (names.index(name) for name in one.words)
             lines += [

@@ -157,7 +157,7 @@ def used_parts_h(built: Iterable[System]) -> str:
         " * constants are decided when it is compiled. */",
         *(f"#define USED_{part} {int(bool(asked & set(by)))} /* {what} */" for part, (what, by) in USED.items()),
         f"#define USED_RECEIVER {int(any('receiver' in system.parts for system in built))} /* the radio receiver */",
-        "#define USED_ACTUATORS (USED_PULSES || USED_BRIDGE)",
+        "#define USED_ACTUATORS (USED_PULSES || USED_ROTORS || USED_BRIDGE)",
         "",
     ]
     return LINE_1 + "\n".join([*lines, "#endif", ""])
@@ -230,7 +230,7 @@ def systems_c(built: Iterable[System]) -> str:
             lines += [f"    .frames = {system.name}_frames,"]
             lines += [f"    .frame_count = sizeof {system.name}_frames / sizeof {system.name}_frames[0],"]
         if system.is_driven:
-            lines += [f"    .plausibility = &plumb_{system.name}_plausibility,"]
+            lines += [f"    .{system.checked_by} = &plumb_{system.name}_{system.checked_by},"]
         if system.output:
             lines += [f"    .output = CONTROL_OUTPUT_{system.output},"]
             lines += [f"    .output_word = {_c_place(system, system.output_words[0])},"]

@@ -30,7 +30,11 @@ SUPPLY_WIDTH = 84
 """Width beside a box that is kept free of wires for the names of supplies."""
 
 
-STRAP_TIES = {"standard": {"PB4": "open", "PB5": "open"}, "bridge": {"PB4": "open", "PB5": "to GND"}}
+STRAP_TIES = {
+    "standard": {"PB4": "open", "PB5": "open"},
+    "bridge": {"PB4": "open", "PB5": "to GND"},
+    "quadrotor": {"PB4": "to GND", "PB5": "open"},
+}
 """Pin set -> strap, which is read once at the start and alone selects the pins of UART and actuators."""
 
 DRAWINGS: tuple[Drawing, ...] = tuple(

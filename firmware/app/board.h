@@ -49,7 +49,7 @@ typedef struct {
  * parameter `pins` agrees with it. */
 #define BOARD_PINS_STANDARD  0u /* both open: two speed controllers; USART1 on PA9, PA10 */
 #define BOARD_PINS_BRIDGE    1u /* PB5 at ground: three-phase bridge, Hall sensors; USART1 on PB6, PB7 */
-#define BOARD_PINS_QUADROTOR 2u /* PB4 at ground: not supported, drives nothing; USART1 on PA9, PA10 */
+#define BOARD_PINS_QUADROTOR 2u /* PB4 at ground: four speed controllers; USART1 on PA9, PA10 */
 #define BOARD_PINS_UNKNOWN   3u /* both at ground, or not steady: drives nothing, no USART1 */
 
 /* Settings that apply once, at start. */

@@ -5,7 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define BOARD_ACTUATORS 2u /* pulse outputs */
+#define BOARD_ACTUATORS 2u /* pulse outputs of the pin set standard */
+#define BOARD_ROTORS    4u /* pulse outputs of the pin set quadrotor */
 
 /* Set the outputs to neutral, and set the pulse frame's length and the neutral pulse, both in
  * half-microseconds. The frame is clamped to the bounds of core/esc.h; a neutral pulse outside them is
@@ -15,6 +16,9 @@ void board_configure_actuator(uint32_t frame_halfus, uint32_t neutral_halfus);
 /* Set the pulse lengths in half-microseconds, clamped to the bounds of core/esc.h; both take effect at the
  * start of the next frame. */
 void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]);
+
+/* The same for the pulses of four rotors. Does nothing with another pin set. */
+void board_set_rotors(const uint32_t pulse_halfus[BOARD_ROTORS]);
 
 /* True while the arm switch is closed, not debounced. */
 bool board_arm_switch(void);

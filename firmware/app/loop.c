@@ -89,6 +89,8 @@ static void actuate(void) {
 
     if (USED_PULSES && system->output == CONTROL_OUTPUT_PULSES) {
         board_set_actuator((const uint32_t *)out);
+    } else if (USED_ROTORS && system->output == CONTROL_OUTPUT_ROTORS) {
+        board_set_rotors((const uint32_t *)out);
     } else if (USED_BRIDGE && system->output == CONTROL_OUTPUT_BRIDGE) {
         board_set_bridge(out[0]);
     }

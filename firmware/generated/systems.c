@@ -127,6 +127,7 @@ static const control_system_t attitude_system = {
 static const control_system_t quadrotor_system = {
     .frames = quadrotor_frames,
     .frame_count = sizeof quadrotor_frames / sizeof quadrotor_frames[0],
+    .takeoff = &plumb_quadrotor_takeoff,
     .output = CONTROL_OUTPUT_ROTORS,
     .output_word = WORD(plumb_quadrotor_words_t, pulse_halfus[0]),
     .record_words = sizeof(plumb_quadrotor_words_t) / 4U,

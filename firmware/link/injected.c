@@ -104,7 +104,7 @@ void injected_check(injected_t *in, const int16_t raw[PLUMB_RAW_MAX], const cont
     bool all_stuck = true;
 
     compare_with_mark(in, raw, CONTROL_COUNTS_MAX == LEAST_COUNTS ? LEAST_COUNTS : system->counts);
-    if (system->plausibility == NULL) {
+    if (system->output == CONTROL_OUTPUT_NONE) {
         return;
     }
     for (unsigned i = 0; i < CONTROL_COUNTS_MAX; i++) {

@@ -1,39 +1,66 @@
 #include "readiness.h"
 #include "arming.h"
+#include "generated/used_parts.h"
 
 #define US_Q33 8590U /* 1 us in s Q33, 8 ppm too long; periods are 0.1 s at most */
 
-void readiness_begin(readiness_t *r) {
-    plumb_plausibility_init(&r->plausibility);
+#define USED_PLAUSIBILITY (USED_PULSES || USED_BRIDGE)
+
+/* NULL: nothing is plausible or not. */
+static const plumb_plausibility_bounds_t *bounds_of(const control_system_t *checked) {
+    return USED_PLAUSIBILITY && checked != NULL ? checked->plausibility : NULL;
+}
+
+static bool flies(const control_system_t *checked) {
+    return USED_ROTORS && checked != NULL && checked->takeoff != NULL;
+}
+
+void readiness_begin(readiness_t *r, const control_system_t *system) {
+    if (flies(system)) {
+        plumb_takeoff_init(&r->now.takeoff);
+    } else if (bounds_of(system) != NULL) {
+        plumb_plausibility_init(&r->now.plausibility);
+    }
     r->disarmed_by = 0;
 }
 
-void readiness_step(readiness_t *r, const plumb_plausibility_bounds_t *bounds, const params_t *params,
+void readiness_step(readiness_t *r, const control_system_t *checked, const params_t *params,
                     const void *words, bool armed) {
+    const plumb_plausibility_bounds_t *const bounds = bounds_of(checked);
+
+    if (flies(checked)) {
+        plumb_takeoff_step(&r->now.takeoff, checked->takeoff, words, US_Q33 * params->period_us);
+    }
     if (bounds == NULL) {
         return;
     }
-    plumb_plausibility_step(&r->plausibility, bounds, words, (int32_t)(US_Q33 * params->period_us),
+    plumb_plausibility_step(&r->now.plausibility, bounds, words, (int32_t)(US_Q33 * params->period_us),
                             params->variance_turn2_q56);
-    if (armed && r->plausibility.failed != 0) {
-        r->disarmed_by = r->plausibility.failed; /* by the next poll */
+    if (armed && r->now.plausibility.failed != 0) {
+        r->disarmed_by = r->now.plausibility.failed; /* by the next poll */
     }
 }
 
-uint16_t readiness_blocked(const readiness_t *r, const plumb_plausibility_bounds_t *bounds, bool armed) {
+static uint16_t failed(const readiness_t *r, const control_system_t *checked) {
+    return bounds_of(checked) != NULL ? r->now.plausibility.failed : 0U;
+}
+
+static uint16_t missing(const readiness_t *r, const control_system_t *checked) {
+    if (flies(checked)) {
+        return (uint16_t)r->now.takeoff.missing;
+    }
+    return bounds_of(checked) != NULL ? r->now.plausibility.missing : 0U;
+}
+
+uint16_t readiness_blocked(const readiness_t *r, const control_system_t *checked, bool armed) {
     unsigned blocked = 0;
 
-    if (bounds != NULL) {
-        blocked |= r->plausibility.failed != 0 ? ARMING_BLOCK_IMPLAUSIBLE : 0U;
-        blocked |= r->plausibility.missing != 0 && !armed ? ARMING_BLOCK_NOT_READY : 0U;
-    }
+    blocked |= failed(r, checked) != 0 ? ARMING_BLOCK_IMPLAUSIBLE : 0U;
+    blocked |= missing(r, checked) != 0 && !armed ? ARMING_BLOCK_NOT_READY : 0U;
     return (uint16_t)blocked;
 }
 
-message_plausibility_t readiness_message(const readiness_t *r, const plumb_plausibility_bounds_t *bounds) {
-    const bool known = bounds != NULL;
-
-    return (message_plausibility_t){.failed = known ? r->plausibility.failed : 0U,
-                                    .missing = known ? r->plausibility.missing : 0U,
-                                    .disarmed_by = r->disarmed_by};
+message_plausibility_t readiness_message(const readiness_t *r, const control_system_t *checked) {
+    return (message_plausibility_t){
+        .failed = failed(r, checked), .missing = missing(r, checked), .disarmed_by = r->disarmed_by};
 }

@@ -1,31 +1,35 @@
-/* Readiness: turns the plausibility of the sensors into reasons against arming, and reports it to hosts.
+/* Readiness: turns the plausibility of the sensors, or the conditions for a takeoff, into reasons against
+ * arming, and reports them to hosts.
  *
- * Only real-time runs of a system with bounds (control_system()->plausibility) are checked; else `bounds` is
- * NULL and nothing blocks. In lockstep nothing is checked, because nothing can be armed. */
+ * Only real-time runs of a system that moves something are checked; else `checked` is NULL and nothing
+ * blocks. In lockstep nothing is checked, because nothing can be armed. */
 #ifndef PLUMB_LINK_READINESS_H
 #define PLUMB_LINK_READINESS_H
 
 #include "generated/messages.h"
 #include "generated/params.h"
-#include "plumb/plausibility.h"
+#include "systems/control.h"
 
 typedef struct {
-    plumb_plausibility_t plausibility;
+    union {
+        plumb_plausibility_t plausibility;
+        plumb_takeoff_t takeoff; /* of a system that flies */
+    } now;
     uint16_t disarmed_by; /* PLUMB_PLAUSIBILITY_ACCEL and so on: the checks that failed last while armed */
 } readiness_t;
 
-/* Call at the start of a run. */
-void readiness_begin(readiness_t *r);
+/* Call at the start of a run of that system. */
+void readiness_begin(readiness_t *r, const control_system_t *system);
 
-/* Call after each step. words: its record. */
-void readiness_step(readiness_t *r, const plumb_plausibility_bounds_t *bounds, const params_t *params,
+/* Call after each step. checked: the system, or NULL; words: its record. */
+void readiness_step(readiness_t *r, const control_system_t *checked, const params_t *params,
                     const void *words, bool armed);
 
 /* ARMING_BLOCK_IMPLAUSIBLE while a check fails, ARMING_BLOCK_NOT_READY while a condition for arming is
  * missing and the board is not armed. */
-uint16_t readiness_blocked(const readiness_t *r, const plumb_plausibility_bounds_t *bounds, bool armed);
+uint16_t readiness_blocked(const readiness_t *r, const control_system_t *checked, bool armed);
 
 /* PLAUSIBILITY. */
-message_plausibility_t readiness_message(const readiness_t *r, const plumb_plausibility_bounds_t *bounds);
+message_plausibility_t readiness_message(const readiness_t *r, const control_system_t *checked);
 
 #endif

@@ -118,8 +118,10 @@ static uint16_t execute(session_t *s, const request_t *q, uint16_t verb) {
         staging_defaults(&s->staging);
         break;
     case MESSAGE_EXECUTE_VERB_BOOTLOADER:
-        /* The ROM bootloader of this part listens on PA9 and PA10 only. */
-        if (q->link != LINK_UART || s->board->pins != BOARD_PINS_STANDARD) {
+        /* The ROM bootloader of this part listens on PA9 and PA10 only, which drive the bridge in its pin
+         * set.
+         */
+        if (q->link != LINK_UART || s->board->pins == BOARD_PINS_BRIDGE) {
             return MESSAGE_NACK_REASON_UNSUPPORTED;
         }
         session_ask_bootloader(s, q->now_us);

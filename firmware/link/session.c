@@ -13,10 +13,9 @@ bool session_armed(const session_t *s) {
 
 /* ---- whether it may be armed ---- */
 
-/* Plausibility bounds of the system in use; NULL: nothing is checked. */
-static const plumb_plausibility_bounds_t *bounds_checked(const session_t *s) {
-    return USED_ACTUATORS && s->run.mode == RUN_REALTIME ? control_system(&s->params->control)->plausibility
-                                                         : NULL;
+/* The system in use; NULL: nothing is checked. */
+static const control_system_t *checked(const session_t *s) {
+    return USED_ACTUATORS && s->run.mode == RUN_REALTIME ? control_system(&s->params->control) : NULL;
 }
 
 /* True when the board started with the pin set of the actuator that the system drives. */
@@ -29,6 +28,8 @@ static bool actuator_present(const session_t *s) {
         return s->board->pins == BOARD_PINS_STANDARD;
     case CONTROL_OUTPUT_BRIDGE:
         return s->board->pins == BOARD_PINS_BRIDGE;
+    case CONTROL_OUTPUT_ROTORS:
+        return s->board->pins == BOARD_PINS_QUADROTOR;
     default:
         return false;
     }
@@ -53,7 +54,7 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     blocked |= system->output != CONTROL_OUTPUT_NONE && s->staging.unsafe != PARAMS_COUNT
                    ? ARMING_BLOCK_PARAMETER
                    : 0U;
-    blocked |= readiness_blocked(&s->readiness, bounds_checked(s), arming_armed(&s->arming));
+    blocked |= readiness_blocked(&s->readiness, checked(s), arming_armed(&s->arming));
     return (uint16_t)blocked;
 }
 
@@ -109,7 +110,7 @@ void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
     run_begin(&s->run, run, links, control_system(&s->params->control));
     telemetry_begin(&s->telemetry);
     control_init(s->control, &s->params->control);
-    readiness_begin(&s->readiness);
+    readiness_begin(&s->readiness, control_system(&s->params->control));
 }
 
 /* Closing the switch while no run is on starts a live run of the system in use. That run ends when it is
@@ -194,7 +195,7 @@ void session_stepped(session_t *s) {
     if (s->run.mode == RUN_REALTIME) {
         setpoint_report(&s->run.setpoint, &s->routing, s->run.links.setpoints, s->run.step);
     }
-    readiness_step(&s->readiness, bounds_checked(s), s->params, control_words(s->control), session_armed(s));
+    readiness_step(&s->readiness, checked(s), s->params, control_words(s->control), session_armed(s));
     telemetry_step(&s->telemetry, &s->routing, s->control, params, s->run.step, step_flags(s, saturated));
     run_stepped(&s->run, saturated);
     send_words(s);
@@ -240,7 +241,7 @@ bool session_transmit_frame(session_t *s, can_frame_t *frame) {
 }
 
 void session_send_readiness(session_t *s, link_t link) {
-    const message_plausibility_t m = readiness_message(&s->readiness, bounds_checked(s));
+    const message_plausibility_t m = readiness_message(&s->readiness, checked(s));
 
     outbox_telemetry(s->routing.link[link].outbox, message_plausibility_pack(&m), 0);
 }
@@ -251,7 +252,7 @@ static void send_status(session_t *s, link_t link, bool all, uint32_t now_us) {
     message_status_t status = {.mode = (uint16_t)s->run.mode, .blocked = arming_blocked(s, link)};
     const message_events_t events = {
         .saturated = s->run.saturated, .starved = s->run.starved, .disarm_cause = s->arming.cause};
-    const message_plausibility_t plausibility = readiness_message(&s->readiness, bounds_checked(s));
+    const message_plausibility_t plausibility = readiness_message(&s->readiness, checked(s));
     const status_round_t round = {.link = l,
                                   .news = &s->buffers->news[link],
                                   .now_us = now_us,

@@ -14,6 +14,7 @@
 
 #include "generated/system_headers.h"
 #include "plumb/plausibility.h"
+#include "plumb/takeoff.h"
 #include <stddef.h>
 
 #define CONTROL_RECORD_WORDS_MAX (sizeof(control_words_t) / 4U)
@@ -23,7 +24,7 @@ typedef enum {
     CONTROL_OUTPUT_NONE = 0, /* nothing: never armed */
     CONTROL_OUTPUT_PULSES,   /* two words, half-microseconds: speed controllers */
     CONTROL_OUTPUT_BRIDGE,   /* one word, duty Q15: three-phase bridge */
-    CONTROL_OUTPUT_ROTORS    /* four words, half-microseconds: speed controllers that no pins drive */
+    CONTROL_OUTPUT_ROTORS    /* four words, half-microseconds: the pulse of each rotor's speed controller */
 } control_output_t;
 
 /* Sensors of the board that a live run samples: BOARD_SENSORS_ of app/board_sensors.h. */
@@ -55,7 +56,8 @@ typedef struct {
 /* Properties of a system, without its code. */
 typedef struct {
     const control_frame_t *frames;
-    const plumb_plausibility_bounds_t *plausibility; /* NULL for one that moves nothing: nothing is checked */
+    const plumb_plausibility_bounds_t *plausibility; /* NULL for one that moves nothing, or flies */
+    const plumb_takeoff_bounds_t *takeoff;           /* NULL for one that does not fly */
     uint32_t saturated; /* flags that say that a raw count was outside its range */
     uint16_t record_words;
     uint16_t noisy; /* bits of the raw counts that calibrated sensors give: at rest they are not constant */

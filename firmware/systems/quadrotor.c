@@ -8,6 +8,8 @@
 /* Commands behind the counts. */
 enum { ROLL = 6, PITCH, YAW, SWITCHES, RECEIVER };
 
+#define TAKEOFF_AT(word) (uint8_t)(offsetof(plumb_quadrotor_words_t, word) / 4U)
+
 #define INPUTS (sizeof((plumb_quadrotor_words_t *)0)->raw / sizeof(int32_t))
 
 /* Copies the words of attitude that the control of the vehicle uses. */
@@ -83,6 +85,18 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
         rest(w, &p->esc);
     w->flags = flags;
 }
+
+/* Held in the hand it is not still enough; on a slope of 25 deg it may stand. Sigma is that of both axes. */
+const plumb_takeoff_bounds_t plumb_quadrotor_takeoff = {
+    .throttle = TAKEOFF_AT(setpoint_throttle_q15),
+    .rate = TAKEOFF_AT(rate_turnps_q28),
+    .up_z = TAKEOFF_AT(up_q30[2]),
+    .variance = TAKEOFF_AT(tilt_variance_rad2_q32),
+    .throttle_max_q15 = 1638,          /* 5 % */
+    .rest_turnps_q28 = 3728270U,       /* 5 deg/s */
+    .up_z_min_q30 = 973140576,         /* cosine of 25 deg */
+    .variance_max_rad2_q32 = 11774897U /* (3 deg)^2 */
+};
 
 /* 0..most */
 static bool is_up_to(int32_t value, uint32_t most) {

@@ -121,7 +121,7 @@ def test_without_power_there_is_silence_and_no_pulse() -> None:
     assert mcu.state is State.OFF
     mcu.uart.write(b"V\r")
     mcu.run_us(10_000)
-    assert mcu.uart.read(10) == b"" and list(mcu.wires.pulse_halfus) == [0, 0]
+    assert mcu.uart.read(10) == b"" and list(mcu.wires.pulse_halfus) == [0] * 4
     mcu.power_on()
     mcu.uart.write(b"V\r")
     assert mcu.uart.read(10) == b"V0103\r"

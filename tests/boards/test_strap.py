@@ -23,7 +23,8 @@ IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.bin"
 pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 BOOT_US = 60_000
-ESC_PINS, GATE_PINS = ("PB6", "PB7"), HIGH_PINS + LOW_PINS
+ESC_PINS, GATE_PINS, ROTOR_PINS = ("PB6", "PB7"), HIGH_PINS + LOW_PINS, ("PA0", "PA1", "PA2", "PA3")
+ACTUATORS = {"standard": ESC_PINS, "bridge": GATE_PINS, "quadrotor": ROTOR_PINS}
 UART_PINS = {"standard": ("PA9", "PA10"), "bridge": ("PB6", "PB7"), "quadrotor": ("PA9", "PA10"), "both": ()}
 SETS = {"standard": 0, "bridge": 1, "quadrotor": 2, "both": 3}
 FAULT_STRAP, BLOCKED_PINS, BLOCKED_FAULT = 0x8000, 1 << 9, 1 << 3
@@ -64,7 +65,7 @@ def saved(pins: str) -> bytes:
 
 @pytest.fixture(scope="module")
 def slots() -> dict[str, bytes]:
-    return {"standard": b"", "bridge": saved("bridge")}
+    return {"standard": b"", "bridge": saved("bridge"), "quadrotor": saved("quadrotor")}
 
 
 def started(strap: str, slots: bytes) -> tuple[Machine, Outputs]:
@@ -78,23 +79,26 @@ def started(strap: str, slots: bytes) -> tuple[Machine, Outputs]:
 
 
 @pytest.mark.parametrize("strap", GROUNDED)
-@pytest.mark.parametrize("table", ["standard", "bridge"])
+@pytest.mark.parametrize("table", ["standard", "bridge", "quadrotor"])
 def test_no_pin_is_driven_that_the_strap_does_not_allow(slots: dict[str, bytes], strap: str, table: str) -> None:
     """Not for a moment, since power-on: no UART on a speed controller or a gate."""
     machine, watched = started(strap, slots[table])
     uart = set(UART_PINS[strap][:1])
-    actuators = set({"standard": ESC_PINS, "bridge": GATE_PINS}[strap]) if strap == table else set()
+    actuators = set(ACTUATORS[strap]) if strap == table else set()
     assert watched.ever == uart | actuators
     assert machine.warnings == []
     assert all(machine.pwm(pin).enabled == (strap == table == "standard") for pin in ESC_PINS)
     # The timers themselves: a pin that is no output would hide one that runs.
     pulses = [machine.tim4.output(channel, machine.now).enabled for channel in range(2)]
     assert pulses == [strap == table == "standard"] * 2
+    rotors = [machine.pwm(pin).enabled for pin in ROTOR_PINS]
+    assert rotors == [strap == table == "quadrotor"] * 4
+    assert bool(machine.tim2.ccer & 0x1110) == (strap == table == "quadrotor")
     assert bool(machine.tim1.cr1 & 1) == (strap == table == "bridge")
 
 
 @pytest.mark.parametrize("strap", GROUNDED)
-@pytest.mark.parametrize("table", ["standard", "bridge"])
+@pytest.mark.parametrize("table", ["standard", "bridge", "quadrotor"])
 def test_a_disagreement_is_told_and_blocks_arming(slots: dict[str, bytes], strap: str, table: str) -> None:
     machine, _ = started(strap, slots[table])
     machine.drive("PB12", True)

@@ -232,7 +232,7 @@ def test_pins_are_checked_by_name(board: NewBoard) -> None:
     from plumb.errors import UsageError
 
     machine = board("pwm").machine
-    for wrong in (lambda: machine.pwm("PA0"), lambda: machine.pin("PZ1"), lambda: machine.drive("PA16", True)):
+    for wrong in (lambda: machine.pwm("PA4"), lambda: machine.pin("PZ1"), lambda: machine.drive("PA16", True)):
         with pytest.raises(UsageError, match=r"PA|PB"):
             wrong()
     with pytest.raises(UsageError, match="ADC input"):

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
-from plumb.boards.strap import set_strap
+from plumb.boards.strap import BY_PIN_SET, set_strap
 from plumb.errors import UsageError
 from plumb.f103 import Machine
 from plumb.flash.image import find_image
@@ -42,11 +42,11 @@ def booted(pins: str) -> Machine:
     except UsageError as error:
         pytest.skip(str(error))
     machine.advance_us(60_000)
-    if pins == "bridge":
+    if pins != "standard":
         with Session.open(machine.uart) as session:
-            session.upload(session.read_parameters()[:CONTROL_WORDS], pins=1)
+            session.upload(session.read_parameters()[:CONTROL_WORDS], pins=BY_PIN_SET.index(pins))
             session.execute("SAVE")
-        set_strap(machine, "bridge")
+        set_strap(machine, pins)
         machine.reset()
         machine.advance_us(60_000)
     return machine
@@ -67,7 +67,7 @@ def test_every_wire_ends_on_a_pin_that_is_what_the_drawing_says(drawing: Any) ->
         assert machine.port(wire.pin).mode(int(wire.pin[2:])) in MODES[wire.role], (wire.pin, wire.label)
 
 
-@pytest.mark.parametrize("pins", ["standard", "bridge"])
+@pytest.mark.parametrize("pins", ["standard", "bridge", "quadrotor"])
 def test_no_pin_that_drives_is_missing_from_the_drawings(pins: str) -> None:
     """Whoever wires something to a pin that drives would like to know."""
     machine = booted(pins)

@@ -33,6 +33,7 @@
 #include "plumb/plausibility.h"
 #include "plumb/quaternion.h"
 #include "plumb/systems.h"
+#include "plumb/takeoff.h"
 #include "plumb/tilt.h"
 #include "plumb/version.h"
 #include "plumb/wheel.h"

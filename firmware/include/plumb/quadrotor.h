@@ -14,14 +14,14 @@
  * raw: gyro x, y, z, acceleration x, y, z (as plumb/attitude.h), then the commands roll, pitch, yaw,
  * switches, receiver; setpoint: throttle, Q15. Axes of the body: x to the front, y to the left, z up.
  *
- * No pin set drives four rotors yet: the pulses are in the record, and the board is never armed with this
- * system.
- */
+ * The pin set quadrotor drives the four pulses while the board is armed; plumb_quadrotor_takeoff says when it
+ * may be. */
 #ifndef PLUMB_QUADROTOR_H
 #define PLUMB_QUADROTOR_H
 
 #include "plumb/attitude.h"
 #include "plumb/records.h"
+#include "plumb/takeoff.h"
 #include <stdbool.h>
 
 #ifdef __cplusplus
@@ -53,6 +53,9 @@ typedef struct {
     plumb_quadrotor_words_t words;
     plumb_attitude_t attitude;
 } plumb_quadrotor_t;
+
+/* When it may be armed. */
+extern const plumb_takeoff_bounds_t plumb_quadrotor_takeoff;
 
 /* The record is zero but for the phase, which is stopped, and the attitude of the start; the first sample
  * aligns it. */

@@ -55,6 +55,8 @@ EXPORT void plumb_length_run(const int32_t *y, const int32_t *x, int32_t n, uint
 EXPORT void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26, const int32_t *accel_z_g_q26,
                            int32_t n, int32_t *turn_q32, uint32_t *variance);
 EXPORT void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61);
+EXPORT int32_t plumb_takeoff_run(const uint32_t *params, const uint8_t *words, int32_t steps,
+                                 uint32_t dt_s_q33, uint32_t *states);
 EXPORT int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int32_t steps,
                                       uint32_t variance_turn2_q56, uint32_t *states);
 EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
@@ -258,6 +260,30 @@ void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61) {
 
 uint32_t plumb_crc32(const uint8_t *data, int32_t bytes) {
     return digest_crc32(data, (size_t)bytes);
+}
+
+#define TAKEOFF_WORDS 3
+
+/* The conditions for a takeoff of a run, from the records of its steps: the state after each as 32-bit words,
+ * [steps][3]. 0: this system does not fly. */
+int32_t plumb_takeoff_run(const uint32_t *params, const uint8_t *words, int32_t steps, uint32_t dt_s_q33,
+                          uint32_t *states) {
+    plumb_params_t p;
+    control_words_t record;
+    plumb_takeoff_t t;
+
+    memcpy(&p, params, sizeof p);
+    const plumb_takeoff_bounds_t *const bounds = control_system(&p)->takeoff;
+    if (bounds == NULL)
+        return 0;
+    plumb_takeoff_init(&t);
+    for (int32_t k = 0; k < steps; k++) {
+        memcpy(&record, words + (size_t)k * control_words_bytes(&p), control_words_bytes(&p));
+        plumb_takeoff_step(&t, bounds, &record, dt_s_q33);
+        const uint32_t now[TAKEOFF_WORDS] = {t.ready_s_q33, t.rate_mean_turnps_q28, t.missing};
+        memcpy(states + (size_t)k * TAKEOFF_WORDS, now, sizeof now);
+    }
+    return 1;
 }
 
 #define PLAUSIBILITY_WORDS 16

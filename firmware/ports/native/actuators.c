@@ -12,10 +12,32 @@ static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
     return value < low ? low : value > high ? high : value;
 }
 
-static void set_pulses(uint32_t first, uint32_t second) {
-    const bool driven = port_drives() && board_identity()->pins == BOARD_PINS_STANDARD;
-    native.pulse_halfus[0] = driven ? first : 0u;
-    native.pulse_halfus[1] = driven ? second : 0u;
+/* Pulse outputs of the pin set in use. */
+static uint32_t outputs(void) {
+    const uint32_t pins = board_identity()->pins;
+    return !port_drives()                ? 0u
+           : pins == BOARD_PINS_STANDARD ? BOARD_ACTUATORS
+           : port_rotors()               ? BOARD_ROTORS
+                                         : 0u;
+}
+
+static void set_pulses(const uint32_t pulse_halfus[], uint32_t count) {
+    for (uint32_t i = 0u; i < BOARD_ROTORS; i++) {
+        native.pulse_halfus[i] = i < count ? pulse_halfus[i] : 0u;
+    }
+}
+
+/* The pulses of a system, within their bounds, when the pins have as many outputs. */
+static void drive(const uint32_t pulse_halfus[], uint32_t count) {
+    const uint32_t fits = native.frame_halfus - ESC_GAP_MIN_HALFUS;
+    const uint32_t high = fits < ESC_PULSE_MAX_HALFUS ? fits : ESC_PULSE_MAX_HALFUS;
+    uint32_t pulse[BOARD_ROTORS];
+    for (uint32_t i = 0u; i < count; i++) {
+        pulse[i] = bounded(pulse_halfus[i], ESC_PULSE_MIN_HALFUS, high);
+    }
+    if (!port_stalled() && count == outputs()) {
+        set_pulses(pulse, count);
+    }
 }
 
 static void bridge_off(void) {
@@ -51,12 +73,11 @@ void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_hal
 }
 
 void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]) {
-    const uint32_t fits = native.frame_halfus - ESC_GAP_MIN_HALFUS;
-    const uint32_t high = fits < ESC_PULSE_MAX_HALFUS ? fits : ESC_PULSE_MAX_HALFUS;
-    if (!port_stalled()) {
-        set_pulses(bounded(pulse_halfus[0], ESC_PULSE_MIN_HALFUS, high),
-                   bounded(pulse_halfus[1], ESC_PULSE_MIN_HALFUS, high));
-    }
+    drive(pulse_halfus, BOARD_ACTUATORS);
+}
+
+void board_set_rotors(const uint32_t pulse_halfus[BOARD_ROTORS]) {
+    drive(pulse_halfus, BOARD_ROTORS);
 }
 
 bool board_arm_switch(void) {
@@ -80,7 +101,8 @@ void board_set_bridge(int32_t duty_q15) {
 void board_actuator_neutral(void) {
     const bool good = neutral_halfus >= ESC_PULSE_MIN_HALFUS && neutral_halfus <= ESC_OFF_MAX_HALFUS;
     const uint32_t pulse = good ? neutral_halfus : CONSTANT_NEUTRAL_HALFUS;
-    set_pulses(pulse, pulse);
+    const uint32_t all[BOARD_ROTORS] = {pulse, pulse, pulse, pulse};
+    set_pulses(all, outputs());
     bridge_off();
     port_watch(false);
 }

@@ -4,7 +4,7 @@
 void board_init(const board_setup_t *setup) {
     port.identity = native.identity;
     port.identity.pins = native.strap;
-    if (setup->pins != native.strap || native.strap > BOARD_PINS_BRIDGE) {
+    if (setup->pins != native.strap || native.strap >= BOARD_PINS_UNKNOWN) {
         port.faults |= BOARD_FAULT_STRAP;
     }
     if (native.no_crystal != 0u) {

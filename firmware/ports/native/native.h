@@ -59,9 +59,9 @@ typedef struct {
     uint32_t flash_cut_way; /* which bits are done by then: 0 to 3, see flash.h */
 
     /* Outputs. */
-    uint32_t state;                         /* native_state_t */
-    uint32_t resets;                        /* by a watchdog, since power-on */
-    uint32_t pulse_halfus[BOARD_ACTUATORS]; /* pulse outputs; 0: the pins are not driven */
+    uint32_t state;                      /* native_state_t */
+    uint32_t resets;                     /* by a watchdog, since power-on */
+    uint32_t pulse_halfus[BOARD_ROTORS]; /* pulse outputs, two or four; 0: a pin is not driven */
     uint32_t frame_halfus;
     uint32_t bridge_on; /* 1: the bridge is switched on */
     int32_t duty_q15;   /* of the bridge, 0 while it is off */

@@ -29,6 +29,10 @@ bool port_bridge(void) {
     return port_drives() && port.identity.pins == BOARD_PINS_BRIDGE;
 }
 
+bool port_rotors(void) {
+    return port_drives() && port.identity.pins == BOARD_PINS_QUADROTOR;
+}
+
 bool port_stalled(void) {
     return port.stalled;
 }

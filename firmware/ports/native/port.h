@@ -39,6 +39,7 @@ uint32_t port_now_ms(void);
 void port_wake(void);   /* wakes the loop */
 bool port_drives(void); /* strap and saved pin set agree: actuators are driven */
 bool port_bridge(void); /* the pin set with the bridge, driven */
+bool port_rotors(void); /* the pin set with four rotors, driven */
 bool port_stalled(void);
 void port_watch(bool driving); /* stall watch; driving: the actuators may move */
 void port_clear_stall(void);

@@ -69,7 +69,7 @@ void board_init(const board_setup_t *setup) {
     systick_init();
     pins_clocks();
     identity.pins = strap_read();
-    const bool agreed = setup->pins == identity.pins && identity.pins <= BOARD_PINS_BRIDGE;
+    const bool agreed = setup->pins == identity.pins && identity.pins != BOARD_PINS_UNKNOWN;
     const uint32_t driven = agreed ? identity.pins : BOARD_PINS_UNKNOWN;
     if (!agreed) {
         start_faults |= BOARD_FAULT_STRAP;

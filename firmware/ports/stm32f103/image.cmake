@@ -19,7 +19,7 @@ target_compile_options(plumb_link PRIVATE -Os -fno-data-sections ${AS_ONE_PROGRA
 # What touches every byte of every frame is built for speed: a quarter of a step's instructions are in it.
 set_source_files_properties(firmware/link/slcan.c firmware/link/e2e.c PROPERTIES COMPILE_OPTIONS -O2)
 # What no system with a budget of cycles uses, and the systems that ask for it (optimise = "size").
-set_source_files_properties(firmware/core/fixed.c firmware/core/prefilter.c firmware/core/quaternion.c
+set_source_files_properties(firmware/core/fixed.c firmware/core/prefilter.c firmware/core/quaternion.c firmware/core/takeoff.c
     ${SYSTEM_SOURCES_FOR_SIZE} PROPERTIES COMPILE_OPTIONS "-Os;-mno-slow-flash-data")
 # The switch between systems needs one register beside the four arguments: r12, which nobody has to save.
 set_source_files_properties(${GENERATED_INCLUDE}/generated/systems.c PROPERTIES COMPILE_OPTIONS

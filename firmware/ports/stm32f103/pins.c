@@ -1,4 +1,4 @@
-/* Pin assignment of this board, in both pin sets (RM0008 9.1.11, 9.2, 9.3; table in docs/reference/pins.md).
+/* Pin assignment of this board, in its pin sets (RM0008 9.1.11, 9.2, 9.3; table in docs/reference/pins.md).
  */
 #include "pins.h"
 #include "app/board.h"
@@ -51,7 +51,10 @@ void pins_init(uint32_t pins, bool actuators) {
     const uint32_t tx = uart ? SIGNAL : FREE, rx = uart ? INPUT : FREE;
     const uint32_t sticks = USED_RECEIVER && pins == BOARD_PINS_QUADROTOR ? INPUT : FREE;
     const uint32_t gate = USED_BRIDGE && actuators ? SIGNAL : FREE;
-    const uint32_t pulse = USED_PULSES && actuators ? PULSE : FREE;
+    const uint32_t pair =
+        USED_PULSES && actuators && pins == BOARD_PINS_STANDARD ? PULSE : FREE; /* two speed controllers */
+    const bool rotors = USED_ROTORS && pins == BOARD_PINS_QUADROTOR;
+    const uint32_t inputs_or_rotors = !rotors ? ANALOG : actuators ? PULSE : FREE;
     /* MAPR is written as a whole, because SWJ_CFG reads back undefined. I2C1 is remapped away from PB6 and
      * PB7 even when unused: otherwise a remapped USART1 does not reach these pins. */
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD | AFIO_MAPR_I2C1_REMAP |
@@ -62,8 +65,9 @@ void pins_init(uint32_t pins, bool actuators) {
     GPIOA_BSRR = UP(4) | UP(6) | UP(10) | UP(11) | UP(15);
     GPIOB_BSRR = UP(3) | UP(4) | UP(5) | UP(7) | UP(10) | DOWN(12) | (USED_RECEIVER ? UP(11) : 0u);
     GPIOC_BSRR = UP(ARM_SWITCH);
-    /* SPI1 MOSI, MISO, SCK, select; ADC1 inputs 3 to 0. */
-    GPIOA_CRL = MODES(SPI, INPUT, SPI, OUTPUT, ANALOG, ANALOG, ANALOG, ANALOG);
+    /* SPI1 MOSI, MISO, SCK, select; ADC1 inputs 3 to 0, or TIM2 channels 4 to 1, the rotors. */
+    GPIOA_CRL = MODES(SPI, INPUT, SPI, OUTPUT, inputs_or_rotors, inputs_or_rotors, inputs_or_rotors,
+                      inputs_or_rotors);
     if (bridge) {
         /* Hall A; SWD; CAN TX, RX; TIM1 high sides C, B, A. */
         GPIOA_CRH = MODES(INPUT, FREE, FREE, SIGNAL, INPUT, gate, gate, gate);
@@ -75,11 +79,16 @@ void pins_init(uint32_t pins, bool actuators) {
         /* SWD; CAN TX, RX; USART1 RX, TX. */
         GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, rx, tx, FREE);
         /* TIM4 channels 2 and 1, the speed controllers; strap; ADC1 inputs 9, 8. */
-        GPIOB_CRL = MODES(pulse, pulse, INPUT, INPUT, FREE, FREE, ANALOG, ANALOG);
+        GPIOB_CRL = MODES(pair, pair, INPUT, INPUT, FREE, FREE, ANALOG, ANALOG);
         /* USART3 RX, the receiver; I2C1 SDA, SCL. */
         GPIOB_CRH = MODES(FREE, FREE, FREE, FREE, sticks, FREE, DRAIN, DRAIN);
     }
     GPIOC_CRH = MODES(FREE, INPUT, FREE, FREE, FREE, FREE, FREE, FREE); /* PC14: arm switch */
+}
+
+void pins_rotors_low(void) {
+    GPIOA_BSRR = DOWN(0) | DOWN(1) | DOWN(2) | DOWN(3);
+    GPIOA_CRL = (GPIOA_CRL & 0xffff0000u) | MODES(0u, 0u, 0u, 0u, OUTPUT, OUTPUT, OUTPUT, OUTPUT);
 }
 
 bool board_arm_switch(void) {

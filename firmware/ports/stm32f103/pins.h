@@ -12,6 +12,9 @@ void pins_clocks(void);
  * the bridge; false: they float. */
 void pins_init(uint32_t pins, bool actuators);
 
+/* PA0 to PA3, the speed controllers of BOARD_PINS_QUADROTOR, become outputs that are low. Reads no memory. */
+void pins_rotors_low(void);
+
 /* control: the CRL or CRH that holds the pin's four mode bits; mode: PIN_*. */
 void pins_set_mode(volatile uint32_t *control, uint32_t pin, uint32_t mode);
 

@@ -1,11 +1,12 @@
-/* Pulses to speed controllers on TIM4. pwm.c implements the board_..._actuator...() functions of
+/* Pulses to speed controllers, on TIM4 or TIM2. pwm.c implements the board_..._actuator...() functions of
  * app/board_actuators.h, which also switch the bridge. */
 #ifndef PLUMB_STM32F103_PWM_H
 #define PLUMB_STM32F103_PWM_H
 
 #include <stdint.h>
 
-/* Start neutral pulses; with pins other than BOARD_PINS_STANDARD the outputs stay disabled. */
+/* Start neutral pulses: of two controllers with BOARD_PINS_STANDARD, of four with BOARD_PINS_QUADROTOR. With
+ * other pins the outputs stay disabled. */
 void pwm_init(uint32_t pins);
 
 /* Set every output to its safe state from constants: for the fault handler, which must not trust memory. */

@@ -338,6 +338,18 @@ def _plausibility(params: ControlParams, words: Words, unit_turn2_q56: int) -> W
     return Words(found)
 
 
+def takeoff(params: ControlParams, words: Words, dt_s_q33: int) -> npt.NDArray[np.uint32]:
+    """Run core/takeoff.c over the records of one run: after each step the time for which it has been ready (s Q33), the
+    mean rate (turn/s Q28) and the bits of what is missing, shape (steps, 3). Raises UsageError for a system that does
+    not fly."""
+    found = np.zeros((len(words.record), 3), np.uint32)
+    record, table = np.ascontiguousarray(words.record), _u32(params.words())
+    step = ctypes.c_uint32(dt_s_q33)
+    if not c_core().plumb_takeoff_run(_pointer(table), _pointer(record), len(record), step, _pointer(found)):
+        raise UsageError(f"{params.system} does not fly: there are no conditions for a takeoff")
+    return found
+
+
 def kalman_steps_per_s(params: ControlParams, runs: int = 64, steps: int = 4000, repeats: int = 5) -> float:
     """Batched filter steps per second on one processor core, the best of `repeats`."""
     rng = np.random.default_rng(1)

@@ -66,7 +66,7 @@ class Wires(ctypes.Structure):
             "no_crystal", "image_damaged", "hangs", "turn_us", "flash_refuses", "flash_cut", "flash_cut_way",
             "state", "resets",
         )),
-        ("pulse_halfus", ctypes.c_uint32 * 2),
+        ("pulse_halfus", ctypes.c_uint32 * 4),
         ("frame_halfus", ctypes.c_uint32),
         ("bridge_on", ctypes.c_uint32),
         ("duty_q15", ctypes.c_int32),

@@ -107,7 +107,7 @@ class ServedNative:
 
     def _outputs(self) -> list[int]:
         wires = self.mcu.wires
-        return [wires.duty_q15] if self._output == "bridge" else list(wires.pulse_halfus)[: len(self._names)]
+        return [wires.duty_q15] if self._output == "BRIDGE" else list(wires.pulse_halfus)[: len(self._names)]
 
 
 class NativeJoint:

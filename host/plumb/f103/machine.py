@@ -75,9 +75,17 @@ PARTS = {
         Part("stm32f103zet6", 512, 64, 0x10036414),
     )
 }
-PWM_PINS = {f"PB{6 + i}": ("TIM4", i) for i in range(4)} | {
-    pin: ("TIM3", i) for i, pin in enumerate(("PA6", "PA7", "PB0", "PB1"))
+PWM_PINS = {
+    pin: (timer, index)
+    for timer, pins in {
+        "TIM2": ("PA0", "PA1", "PA2", "PA3"),
+        "TIM3": ("PA6", "PA7", "PB0", "PB1"),
+        "TIM4": ("PB6", "PB7", "PB8", "PB9"),
+    }.items()
+    for index, pin in enumerate(pins)
 }
+PWM_REMAP = {"TIM2": 3 << 8, "TIM3": 3 << 10, "TIM4": 1 << 12}
+"""Bits of AFIO_MAPR that move a timer to other pins."""
 LOOK_US = 100
 PLL_24MHZ = 4 << 18 | 2
 """RCC_CFGR: HSI / 2 x 6."""
@@ -423,8 +431,8 @@ class Machine:
         if pin not in PWM_PINS:
             raise UsageError(f"'{pin}' carries no PWM; use one of {', '.join(PWM_PINS)}")
         name, index = PWM_PINS[pin]
-        remap = self.afio.mapr & (1 << 12 if name == "TIM4" else 3 << 10)
-        timer = self.tim4 if name == "TIM4" else self.tim3
+        remap = self.afio.mapr & PWM_REMAP[name]
+        timer = {"TIM2": self.tim2, "TIM3": self.tim3, "TIM4": self.tim4}[name]
         wave = timer.output(index, self.now)
         if self.powered and wave.enabled and not remap and self.port(pin).is_alternate_output(int(pin[2:])):
             return wave

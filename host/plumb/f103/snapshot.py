@@ -121,7 +121,7 @@ class Snapshot:
             if not memory.readonly:
                 self._kept.append(functools.partial(operator.setitem, memory, slice(None), bytes(memory)))
         elif memory.flags.writeable:
-            self._kept.append(functools.partial(operator.setitem, memory, slice(None), memory.copy()))
+            self._kept.append(functools.partial(operator.setitem, memory, ..., memory.copy()))
 
     def _keep_object(self, value: object, place: str) -> Iterator[tuple[str, object]]:
         kind = type(value)

@@ -34,6 +34,7 @@ HOLDBACK_TICKS = 2000 * TICKS_PER_US
 FLUSH_TICKS = 10 * HOLDBACK_TICKS
 PINS = (*(f"PA{n}" for n in range(16)), *(f"PB{n}" for n in range(16)), "PC13", "PC14", "PC15")
 PWM_CHANNELS = {
+    "TIM2": (("PA0", 0), ("PA1", 1), ("PA2", 2), ("PA3", 3)),
     "TIM3": (("PA6", 0), ("PA7", 1), ("PB0", 2), ("PB1", 3)),
     "TIM4": (("PB6", 0), ("PB7", 1), ("PB8", 2), ("PB9", 3)),
 }
@@ -128,7 +129,7 @@ class VcdTrace:
     def _settle(self) -> None:
         """Bring the models up to date that compute their state only when it is read."""
         machine, now = self.machine, self.machine.now
-        for timer in (machine.tim3, machine.tim4, machine.tim1):
+        for timer in (machine.tim2, machine.tim3, machine.tim4, machine.tim1):
             timer.settle(now)
         for edge in machine.tim1.trace or () if self._own_edges else ():
             line = "pins", BRIDGE_PINS[edge.side][edge.phase]

@@ -16,10 +16,10 @@ from plumb.spec.parameters import Parameter
 from plumb.spec.system import TomlTable
 from plumb.spec.units import meaning
 
-REACH, PRODUCT = "reach", "product"
-WORDS = {REACH: 4, PRODUCT: 2}
+REACH, PRODUCT, MOST, LEAST = "reach", "product", "most", "least"
+WORDS = {REACH: 4, PRODUCT: 2, MOST: 1, LEAST: 1}
 """Number of words that a condition of each kind joins."""
-LIMIT = {REACH: "least", PRODUCT: "most"}
+LIMIT = {REACH: "least", PRODUCT: "most", MOST: "most", LEAST: "least"}
 CALIBRATION = ("raw_min", "raw_max", "gain", "offset")
 
 
@@ -27,11 +27,12 @@ CALIBRATION = ("raw_min", "raw_max", "gain", "offset")
 class Condition:
     """reach: of the words raw_min, raw_max, gain and offset of a group, gain * count + offset is at most -limit at one
     end of the counts and at least limit at the other. product: of two words of at least 0, their product is less than
-    (limit + 1) * 2^32."""
+    (limit + 1) * 2^32. most, least: of one word, signed. system: while this one is in use; "": with every one."""
 
     kind: str
     words: tuple[str, ...]
     limit: int
+    system: str = ""
 
     @property
     def group(self) -> str:
@@ -46,10 +47,10 @@ class Unsafe:
     text: str
 
 
-def _condition(given: TomlTable) -> Condition:
+def _condition(given: TomlTable, system: str) -> Condition:
     kind, words = given.get("kind"), given.get("words")
     if kind not in WORDS or given.keys() != {"kind", "words", LIMIT[kind]}:
-        raise UsageError("condition: reach has words and least, product has words and most")
+        raise UsageError("condition: reach and least have words and least, product and most have words and most")
     limit, known = given[LIMIT[kind]], {row.name: row for row in parameters.table()}
     if not isinstance(words, list) or len(words) != WORDS[kind] or not all(name in known for name in words):
         raise UsageError(f"condition {kind}: words names {WORDS[kind]} parameters, not {words!r:.60}")
@@ -60,16 +61,18 @@ def _condition(given: TomlTable) -> Condition:
         raise UsageError(f"condition product: {words[0]} and {words[1]} are at least 0")
     if type(limit) is not int or not 0 <= limit < 1 << 31:
         raise UsageError(f"condition {kind} of {words[0]}: {LIMIT[kind]} is an integer from 0 to 2^31 - 1")
-    return Condition(kind, tuple(words), limit)
+    return Condition(kind, tuple(words), limit, system)
 
 
 @lru_cache(maxsize=1)
 def conditions() -> tuple[Condition, ...]:
     """Those of the shared rows, then those of the systems in the order of their names. Raises UsageError for one that
     cannot be evaluated, and for a row that weakens a promise and has no limit."""
-    given = [*declarations.shared()["condition"]]
-    given += [one for _, system in sorted(declarations.systems().items()) for one in system.conditions]
-    found = tuple(map(_condition, given))
+    shared = [_condition(one, "") for one in declarations.shared()["condition"]]
+    own = [
+        _condition(one, name) for name, system in sorted(declarations.systems().items()) for one in system.conditions
+    ]
+    found = (*shared, *own)
     joined = {name for one in found for name in one.words}
     for row in parameters.table():
         if bool(row.weakens) != bool(row.armed or row.name in joined):
@@ -116,12 +119,26 @@ def _found(values: Mapping[str, int]) -> Iterator[Unsafe]:
         if row.armed and not row.armed[0] <= value <= row.armed[1]:
             low, high = (f"{end}{_means(row, values, end)}" for end in row.armed)
             yield Unsafe(row, f"{_sentence(row, str(value) + _means(row, values, value))}: set {low} to {high}")
+    in_use = declarations.name_of(values["system"])
     for one in conditions():
+        if one.system not in ("", in_use):
+            continue
         if one.kind == REACH:
             yield from _unreached(one, values, rows)
+        elif one.kind in (MOST, LEAST):
+            yield from _beyond(one, values, rows)
         elif values[one.words[0]] * values[one.words[1]] >> 32 > one.limit:
             row = rows[one.words[0]]
             yield Unsafe(row, _sentence(row, f"its product with {one.words[1]}") + ": make one of them smaller")
+
+
+def _beyond(one: Condition, values: Mapping[str, int], rows: Mapping[str, Parameter]) -> Iterator[Unsafe]:
+    row = rows[one.words[0]]
+    value = values[row.name]
+    if value > one.limit if one.kind == MOST else value < one.limit:
+        limit = f"{one.limit}{_means(row, values, one.limit)}"
+        what = f"{value}{_means(row, values, value)}, with the system {one.system},"
+        yield Unsafe(row, f"{_sentence(row, what)}: set at {one.kind} {limit}")
 
 
 def _means(row: Parameter, values: Mapping[str, int], value: int) -> str:

@@ -50,8 +50,6 @@ SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE", "SIX_AXES")
 """Sensor sets that a board can sample (CONTROL_SENSORS_ in firmware/systems/control.h)."""
 OUTPUTS = {"PULSES": 2, "BRIDGE": 1, "ROTORS": 4}
 """Kind of actuator (CONTROL_OUTPUT_) -> number of record words that drive it."""
-DRIVEN = ("PULSES", "BRIDGE")
-"""Kinds that a set of pins drives. A board is never armed with a system of another kind."""
 
 
 @dataclass(frozen=True)
@@ -220,8 +218,14 @@ class System:
 
     @property
     def is_driven(self) -> bool:
-        """True for a system with an actuator that a set of pins drives: its sensors are checked; it may be armed."""
-        return self.output in DRIVEN
+        """True for a system with an actuator: its sensors are checked; it may be armed."""
+        return self.output in OUTPUTS
+
+    @property
+    def checked_by(self) -> str:
+        """What decides whether a system that moves something may be armed (include/plumb/): plausibility, or takeoff
+        for one that flies."""
+        return "takeoff" if self.output == "ROTORS" else "plausibility"
 
     @property
     def counts(self) -> int:

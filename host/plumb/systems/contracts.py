@@ -325,6 +325,15 @@ class SensorSets(Protocol):
 
 
 @runtime_checkable
+class CommandedPins(Protocol):
+    """pins.py of a system whose outputs rest until its inputs are set."""
+
+    @property
+    def DRIVING(self) -> tuple[int, Mapping[str, int]]:
+        """Setpoint and commands that take the outputs away from neutral."""
+
+
+@runtime_checkable
 class BridgePins(Protocol):
     """pins.py of a system that drives a bridge. Without BREAK_PIN a system drives speed controllers or nothing."""
 

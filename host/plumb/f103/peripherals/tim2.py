@@ -1,5 +1,6 @@
 """TIM2 for Hall sensors (RM0008 15.3.5, 15.3.12): the exclusive or of three inputs is filtered, and its edges are
-captured on channel 1. Not modelled: other captures, slave modes, outputs."""
+captured on channel 1; or as the pulse output that every general-purpose timer is. Not modelled: other captures, slave
+modes."""
 
 from __future__ import annotations
 
@@ -104,6 +105,7 @@ class Tim2(Timer):
         self._plan()
 
     def write_ccmr1(self, value: int) -> None:
-        if value & ~0xF0 and value & ~0xF0 != CC1S_TRC:
+        captures = value & 0x0303
+        if captures and value & ~0xF0 != CC1S_TRC:
             raise SimulationError(f"TIM2_CCMR1 = 0x{value:04X}: only the capture of channel 1 from TRC is modelled")
         self.ccmr1 = value

@@ -60,12 +60,12 @@ def loop_pauses(scene: Scene) -> None:
 
 def reaches_the_pulses(scene: Scene) -> None:
     """Let time pass until the next instructions write pulses that drive."""
-    core.pause_at(scene, scene.symbol("board_set_actuator").address, 0.0)
+    core.pause_at(scene, scene.symbol(scene.pulses.function).address, 0.0)
 
 
 def loop_pauses_before_the_pulses(scene: Scene) -> None:
     """The main loop pauses just before the instructions that write driving pulses, for several lengths."""
-    core.pause_at(scene, scene.symbol("board_set_actuator").address, PULSES_PAUSE_S + scene.variant * LONGER_S)
+    core.pause_at(scene, scene.symbol(scene.pulses.function).address, PULSES_PAUSE_S + scene.variant * LONGER_S)
 
 
 def handler_hangs(number: int) -> Action:

@@ -44,7 +44,7 @@ def pulses_wild(scene: Scene) -> None:
     for name in ("esc.min_halfus", "esc.mid_halfus", "esc.max_halfus"):
         set_parameter(scene, name, wanted)
     if scene.variant == 2:
-        scene.machine.tim4.write_arr(SHORT_FRAME)
+        scene.pulses.timer.write_arr(SHORT_FRAME)
 
 
 def neutral_wild(scene: Scene) -> None:

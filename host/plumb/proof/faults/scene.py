@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import can
 
@@ -19,6 +19,7 @@ from plumb.boards.contract import SimulatedBoard
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError, UsageError
 from plumb.f103.core.timeline import TICKS_PER_S
+from plumb.f103.peripherals.tim import Timer
 from plumb.f103.snapshot import Snapshot
 from plumb.flash.elf import Elf, Symbol
 from plumb.flash.image import find_image
@@ -26,9 +27,20 @@ from plumb.link import parameter_table
 from plumb.link.identity import Identity
 from plumb.link.session import Session
 from plumb.proof.faults.sample_source import Source
+from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame, protocol
-from plumb.systems.contracts import PINS, AnalogPins, BridgePins, Coupling, Pins, SensorSets, fitted, link_words
+from plumb.systems.contracts import (
+    PINS,
+    AnalogPins,
+    BridgePins,
+    CommandedPins,
+    Coupling,
+    Pins,
+    SensorSets,
+    fitted,
+    link_words,
+)
 from plumb.tuning.quantise import quantise
 
 if TYPE_CHECKING:
@@ -51,6 +63,13 @@ class Heard:
     time_s: float
     identifier: int
     data: bytes
+
+
+class Pulses(NamedTuple):
+    """function: of the image, writes them; timer: gives them."""
+
+    function: str
+    timer: Timer
 
 
 @dataclass
@@ -101,6 +120,16 @@ class Scene:
         if not isinstance(self.live, BridgePins):
             raise UsageError(f"{self.name} drives no bridge")
         return self.live.BREAK_PIN
+
+    @property
+    def pulses(self) -> Pulses:
+        """The outputs to its speed controllers. Raises UsageError where there are none."""
+        output = declarations.system(self.name).output
+        if output == "PULSES":
+            return Pulses("board_set_actuator", self.machine.tim4)
+        if output == "ROTORS":
+            return Pulses("board_set_rotors", self.machine.tim2)
+        raise UsageError(f"{self.name} drives no speed controllers")
 
     def symbol(self, name: str) -> Symbol:
         """A variable or function of the image, from the ELF file beside it. Raises UsageError without that file."""
@@ -253,6 +282,7 @@ def driving(
         session.begin("REALTIME_LIVE", frames=parts.FRAMES)
         if system.OUTPUT_FRAMES:
             arm(scene)
+            command(scene)
         scene.run(DRIVING_S)
     except BaseException:
         board.close()
@@ -271,6 +301,13 @@ def arm(scene: Scene) -> None:
             if scene.now_s > end_s:
                 raise
         scene.run(0.05)
+
+
+def command(scene: Scene) -> None:
+    """Set the inputs of a system whose outputs rest without."""
+    if isinstance(scene.live, CommandedPins):
+        setpoint, commands = scene.live.DRIVING
+        scene.session.set_commands(commands, setpoint)
 
 
 def noise(seed: str, sigma: float) -> Callable[[float], float]:

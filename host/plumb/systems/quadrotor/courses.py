@@ -22,6 +22,8 @@ WIND_MPS, GUST_MPS, WEAK_SHARE, KICK_RADPS = 5.0, 6.0, 0.8, 17.5
 """GUST_MPS: step of the wind; WEAK_SHARE: what is left of one rotor's thrust; KICK_RADPS: rate about x that a push of
 10 ms leaves."""
 LEAN_DEG, LEAN_S = 20.0, 2.0
+MPU6050_LINK, TWO_CHIPS_LINK = {"accel_bus": 2}, {"accel_bus": 0}
+"""Parameters that tell the board which sensors it has."""
 STEP_DPS = 200.0
 
 

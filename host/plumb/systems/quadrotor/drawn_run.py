@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from plumb.physics.imu import MPU6050
 from plumb.physics.sensors import Fault
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.systems.prescribed import Steps, put_faults
-from plumb.systems.quadrotor.courses import Course
+from plumb.systems.quadrotor.courses import MPU6050_LINK, TWO_CHIPS_LINK, Course
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.quadrotor.vehicle import Vehicles
 
@@ -48,6 +50,11 @@ class Scenario(Steps):
     @property
     def steps(self) -> int:
         return len(self.noise)
+
+    @property
+    def link(self) -> Mapping[str, int]:
+        """Parameters of the board that its sensors need."""
+        return MPU6050_LINK if self.course.grade is MPU6050 else TWO_CHIPS_LINK
 
     def fit(self, tuning: QuadrotorTuning) -> QuadrotorTuning:
         """The tuning, with the calibration of these sensors."""

@@ -5,10 +5,11 @@ The functions have the names of docs/reference/arithmetic/quadrotor.md.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from plumb.kernels.fixed import validity
+from plumb.kernels.fixed import takeoff, validity
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.rate_loop import Conditions, RateLoopState, rate_loop_step
 from plumb.kernels.integers import Integer, clamp, mul, select
@@ -150,3 +151,16 @@ def control_valid(p: Params) -> bool:
     rows = declarations.system("quadrotor").parameters
     within = all(row["min"] <= int(p[row["name"]]) <= row["max"] for row in rows)
     return within and attitude.control_valid(p) and validity.esc(p)
+
+
+TAKEOFF = takeoff.Bounds(
+    throttle="setpoint_throttle_q15",
+    rate="rate_turnps_q28",
+    up_z="up_q30_2",
+    variance="tilt_variance_rad2_q32",
+    throttle_max_q15=round(0.05 * 32767),
+    rest_turnps_q28=round(5.0 / 360.0 * 2**28),
+    up_z_min_q30=round(math.cos(math.radians(25.0)) * 2**30),
+    variance_max_rad2_q32=round(math.radians(3.0) ** 2 * 2**32),
+)
+"""When it may be armed."""

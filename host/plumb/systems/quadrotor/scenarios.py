@@ -37,6 +37,8 @@ SECONDS = {name: course.seconds for name, course in courses.COURSES.items()}
 DEFAULT_SCENARIO, DEFAULT_TUNING = "calm", "hummingbird"
 FAULT_CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 FAULTS = FAULT_NOTES
+ESC_PERIOD_US = 2_500
+LINK = {"pins": 2, "esc_period_us": ESC_PERIOD_US}
 
 ROLL_ACCEL_RADPS2, YAW_ACCEL_RADPS2 = 383.0, 29.8
 """Angular acceleration by a command of 1, in a hover: four rotors of 5.58 N each, by the slope of the thrust curve, on
@@ -84,6 +86,7 @@ TUNING_NOTES = {
     "hummingbird": "RotorS hummingbird, 0.716 kg, with an MPU-6050",
     TWO_CHIPS_NAME: "the same with an ADXL345 and an ITG-3205",
 }
+SENSOR_LINKS = {"hummingbird": courses.MPU6050_LINK, TWO_CHIPS_NAME: courses.TWO_CHIPS_LINK}
 TUNING_FOR = {TWO_CHIPS_NAME: TWO_CHIPS_NAME}
 
 

@@ -1,0 +1,53 @@
+"""Conditions for the takeoff of a vehicle that flies, in integers, written from docs/reference/arithmetic/takeoff.md:
+what plumb_takeoff_step computes from the record of a step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+SETTLING, MOVING, CONVERGING, SETPOINT, TILTED = 1, 2, 4, 8, 16
+READY_S_Q33 = 300 * (1 << 33) // 1000
+RATE_MAX = 1 << 29
+"""2 turn/s, Q28."""
+
+
+class Bounds(NamedTuple):
+    """What is asked of a system. throttle, rate, up_z, variance: words of its record, rate without the axis."""
+
+    throttle: str
+    rate: str
+    up_z: str
+    variance: str
+    throttle_max_q15: int
+    rest_turnps_q28: int
+    up_z_min_q30: int
+    variance_max_rad2_q32: int
+
+
+@dataclass(slots=True)
+class State:
+    """The words after a step, in order."""
+
+    ready_s_q33: int = 0
+    rate_mean_turnps_q28: int = 0
+    missing: int = 31
+
+    def words(self) -> tuple[int, ...]:
+        return self.ready_s_q33, self.rate_mean_turnps_q28, self.missing
+
+
+def step(s: State, b: Bounds, word: Mapping[str, int], dt_s_q33: int) -> None:
+    """One step. word: its record by name; dt_s_q33: the period."""
+    fastest = min(max(abs(word[f"{b.rate}_{axis}"]) for axis in range(3)), RATE_MAX)
+    s.rate_mean_turnps_q28 += (fastest - s.rate_mean_turnps_q28) * (2 * dt_s_q33) >> 32
+    missing = {
+        MOVING: s.rate_mean_turnps_q28 > b.rest_turnps_q28,
+        CONVERGING: word[b.variance] > b.variance_max_rad2_q32,
+        SETPOINT: word[b.throttle] > b.throttle_max_q15,
+        TILTED: word[b.up_z] < b.up_z_min_q30,
+    }
+    s.missing = sum(bit for bit, is_missing in missing.items() if is_missing)
+    s.ready_s_q33 = 0 if s.missing else min(s.ready_s_q33 + dt_s_q33, READY_S_Q33)
+    s.missing |= SETTLING if s.ready_s_q33 < READY_S_Q33 else 0
