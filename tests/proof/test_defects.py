@@ -16,8 +16,8 @@ from plumb.proof.faults import table
 from support.defect_tree import Tree, judged
 from support.defects import ROOT, Defect, declared, equivalents, replaced
 
-SAMPLE_SEED, SAMPLE = 1, 2
-"""`make test` builds so many defects, each caught by a single row."""
+SAMPLE_SEED, SAMPLE = 1, 1
+"""`make test` builds so many defects, each caught by a single row: the way from a defect to its verdict is one."""
 NO_TOOLS = pytest.mark.skipif(
     shutil.which("arm-none-eabi-gcc") is None or shutil.which("ninja") is None, reason="no compiler of the flash image"
 )
