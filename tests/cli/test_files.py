@@ -155,9 +155,9 @@ def npz(path: Path, names: dict[str, tuple[int, ...]]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("wide", ["gyr", "ref_quat", "rate_hz", "movement"])
-def test_an_array_that_would_take_gigabytes_is_refused_from_its_header(wide: str, tmp_path: Path) -> None:
+def test_an_array_of_too_many_samples_is_refused_from_its_header(wide: str, tmp_path: Path) -> None:
     path = tmp_path / "bomb.npz"
-    many = (1 << 24, 8) if wide == "gyr" else (1 << 24,)
+    many = (1 << 22, 8) if wide == "gyr" else (1 << 24,)
     npz(path, {"gyr": (1000, 3), "acc": (1000, 3), "rate_hz": ()} | {wide: many})
     assert path.stat().st_size < 2 << 20
     tracemalloc.start()
