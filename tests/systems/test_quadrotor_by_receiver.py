@@ -28,7 +28,7 @@ AIRBORNE, FLIES, LOST = 1 << 4, 1 << 5, 1 << 7
 
 
 class ByReceiver:
-    """A flight in closed loop. up: the vertical in body axes at each step, by truth; asked: roll and pitch asked for."""
+    """A flight in closed loop. up: the true vertical in body axes at each step; asked: roll and pitch asked for."""
 
     def __init__(self, name: str, seconds: float) -> None:
         self.scenario = scenarios.scenario(name, 1000, seconds=seconds)
