@@ -72,12 +72,13 @@ def vectors(image: Image) -> dict[int, str]:
 
 
 def between_the_pulses(image: Image) -> int:
-    """Address of the instruction behind the write of the first compare register (offset 0x34)."""
-    thumb, pieces = Thumb("this test"), image.elf.code_of(image.elf.symbol("board_set_actuator"))
+    """Address of the instruction behind the write of a compare register: the store after that to CR1, from which on the
+    address of the first compare register is 0x34 ahead."""
+    thumb, pieces = Thumb("this test"), image.elf.code_of(image.elf.symbol("write_pulses"))
     lines = [line for at, code in pieces for line in thumb.instructions(code, at)]
-    stored = [line.operands[1].mem.disp if thumb.name(line) == "str" else 0 for line in lines]
-    first = next(i for i, offset in enumerate(stored) if offset & 0x3FF == 0x34)
-    return int(lines[first + 1].address)
+    stores = [i for i, line in enumerate(lines) if thumb.name(line) == "str"]
+    assert lines[stores[0]].op_str.endswith("#0x34")
+    return int(lines[stores[1] + 1].address)
 
 
 Hang = Callable[[Machine, Image], object]
