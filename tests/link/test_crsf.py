@@ -182,7 +182,7 @@ def test_a_transmitter_that_is_lost_moves_nothing() -> None:
 @pytest.mark.parametrize("name", ["sticks", "lost"])
 def test_the_frames_of_a_scenario_bring_its_inputs_back(name: str) -> None:
     """To within the resolution of a channel, 40 of 32767; a switch three frames later; the number counts on."""
-    scenario = scenarios.scenario(name, 1000, seconds=12.0 if name == "lost" else 4.0)
+    scenario = scenarios.scenario(name, 1000, seconds=11.0)
     counts = declarations.system("quadrotor").counts
     commands, throttles = scenario.counts()[:, counts:], scenario.setpoint()
     pilot, stream, ends = crsf.Pilot(), b"", []
