@@ -201,3 +201,8 @@ def test_the_frames_of_a_scenario_bring_its_inputs_back(name: str) -> None:
         worst = max(worst, *(abs(a - b) for a, b in zip(row.words[:4], [max(throttle, 0), *words[:3]], strict=True)))
         assert row.words[5] == words[4] and row.words[5] & 255
     assert 0 < worst <= 40 and all(lost)
+
+
+def test_a_frame_of_inputs_has_the_signs_of_the_commands() -> None:
+    rows = by_firmware(3 * crsf.of_inputs(8000, 1000, -2000, 3000, 3))
+    assert rows[-1].words[:4] == pytest.approx((8000, 1000, -2000, 3000), abs=40) and rows[-1].words[4] == 3
