@@ -242,6 +242,40 @@ def test_the_folder_has_the_runs_a_summary_and_a_page(tmp_path: Path, capsys: py
     assert against["accel_only_rmse_deg"]["difference"] == 0.0 and not against["accel_only_rmse_deg"]["real"]
 
 
+def test_two_campaigns_do_not_write_to_one_folder(tmp_path: Path) -> None:
+    """Nor does one that goes on with the other; when the first has ended, anyone may."""
+    study, out = from_table(STUDY), tmp_path / "out"
+    first = campaign.run(study, Where(1, out=out))
+    next(first)
+    with pytest.raises(UsageError, match=r"another campaign is being written to .*: wait for its end"):
+        rows(study, Where(1, out=out, resume=True))
+    first.close()  # type: ignore[attr-defined]  # a generator
+    assert len(rows(study, Where(1, out=out, resume=True))) == study.runs
+
+
+def test_a_campaign_beside_another_one_needs_its_runs_and_its_system(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other"
+    words = ["--runs", "16", "--seconds", "2", "--workers", "1"]
+    assert main(["campaign", "quad", *words, "--out", str(other)]) == 0
+    capsys.readouterr()
+    assert main(["campaign", "balancer", *words, "--against", str(other)]) == 2
+    assert "has runs of quad, whose noise is not that of balancer" in capsys.readouterr().err
+    batches = sorted((other / "batches").iterdir())
+    batches[2].write_bytes(batches[2].read_bytes()[:40])
+    for kept, broken in (
+        (4, ('"steps":[', '"steps":["x",')),
+        (5, ('"seed":[', '"seed":[2,')),
+        (6, ('"metrics":{', '"metrics":{"a":[],')),
+    ):
+        batches[kept].write_text(batches[kept].read_text().replace(*broken, 1))
+    assert main(["campaign", "quad", *words, "--against", str(other)]) == 2
+    assert capsys.readouterr().err == f"plumb: {other} has 12 of its 16 runs: finish it with --resume\n"
+    assert main(["campaign", "quad", *words, "--out", str(other), "--resume"]) == 0
+    assert main(["campaign", "quad", *words, "--against", str(other)]) == 0
+
+
 def test_seeds_that_the_other_campaign_does_not_have_are_refused_before_a_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

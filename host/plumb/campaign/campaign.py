@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,9 +46,24 @@ def run(study: Study, where: Where, done: Callable[[int], object] = lambda runs:
     tasks = [
         (number, range(begin, min(begin + size, study.runs))) for number, begin in enumerate(range(0, study.runs, size))
     ]
-    folder = Folder(where.out, study, identity, size) if where.out is not None else None
-    if folder is not None:
-        folder.begin(resume=where.resume)
+    with contextlib.ExitStack() as ending:
+        folder = Folder(where.out, study, identity, size) if where.out is not None else None
+        if folder is not None:
+            ending.callback(folder.end)
+            folder.begin(resume=where.resume)
+        yield from _batches(study, where, tasks, folder, identity, steps, done)
+
+
+def _batches(
+    study: Study,
+    where: Where,
+    tasks: Sequence[Task],
+    folder: Folder | None,
+    identity: Mapping[str, object],
+    steps: int,
+    done: Callable[[int], object],
+) -> Iterator[Batch]:
+    """Those that are kept, then those that are run."""
     left: list[Task] = []
     for number, indices in tasks:
         kept = folder.batch(number, indices) if folder is not None and where.resume else None

@@ -2,6 +2,7 @@
 
 campaign.json       the study, its hash, the identity of what runs it
 batches/000012.json results of one batch, written whole or not at all
+.lock               held by the process that writes
 runs.parquet        all runs, when the campaign is done (runs.csv without pyarrow)
 summary.json        what --json prints, and the identity
 report.html         distributions, intervals, worst seeds, sensitivity
@@ -9,19 +10,21 @@ report.html         distributions, intervals, worst seeds, sensitivity
 
 from __future__ import annotations
 
+import importlib
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
-from plumb.campaign import results, study
+from plumb.campaign import results
 from plumb.campaign.batch import Batch
+from plumb.campaign.results import Results
 from plumb.campaign.study import Study
 from plumb.errors import UsageError
 from plumb.files import whole_files
 
 ADVICE = "free some space or choose another folder with --out; --resume goes on from what is kept"
-ABOUT = "campaign.json"
+ABOUT, LOCK = "campaign.json", ".lock"
 
 
 class Folder:
@@ -29,10 +32,12 @@ class Folder:
 
     def __init__(self, path: Path, of: Study, identity: Mapping[str, object], batch_runs: int) -> None:
         self.path, self._study, self._identity, self._batch_runs = path, of, dict(identity), batch_runs
+        self._lock: IO[str] | None = None
 
     def begin(self, *, resume: bool) -> None:
         """Make the folder, or with resume check that it has the same campaign. Raises UsageError for a folder that has
-        another campaign, or one that resume was not asked for."""
+        another campaign, one that resume was not asked for, or one that another process is writing."""
+        self._claim()
         about = {
             "study": self._study.to_json(),
             "study_sha256": self._study.sha256(),
@@ -54,6 +59,28 @@ class Folder:
                 )
             return
         whole_files.write_whole({self.path / ABOUT: json.dumps(about, indent=2) + "\n"}, ADVICE)
+
+    def _claim(self) -> None:
+        """Keep other processes out until `end`, or until this one is gone however it ended. Where the system or the
+        file system knows no locks, nobody is kept out."""
+        whole_files.require_writable(self.path / ABOUT, ADVICE)
+        self.path.mkdir(parents=True, exist_ok=True)
+        try:
+            fcntl = importlib.import_module("fcntl")
+            self._lock = (self.path / LOCK).open("w", encoding="ascii")
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.end()
+            busy = f"another campaign is being written to {self.path}"
+            raise UsageError(f"{busy}: wait for its end, or choose another folder with --out") from None
+        except (ImportError, OSError):
+            return
+
+    def end(self) -> None:
+        """Let others write to the folder."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
 
     def _file(self, number: int) -> Path:
         return self.path / "batches" / f"{number:06d}.json"
@@ -93,8 +120,20 @@ def about_of(path: Path) -> dict[str, Any]:  # Any: JSON
     return found
 
 
-def study_of(path: Path) -> Study:
-    return study.from_table({name: value for name, value in about_of(path)["study"].items() if value is not None})
+def results_of(path: Path, beside: Study) -> Results:
+    """The runs in a folder, to compare a study with. Raises UsageError for a folder without a campaign, for one that is
+    not finished, and for runs that share no noise with those of the study: of another system, but for recordings."""
+    about = about_of(path)["study"]
+    found, runs, system = Results(batches_of(path)), about.get("runs"), about.get("system")
+    if not isinstance(runs, int) or not isinstance(system, str):
+        raise UsageError(f"{path / ABOUT} is not one of a campaign")
+    if len(found) < runs:
+        raise UsageError(f"{path} has {len(found)} of its {runs} runs: finish it with --resume")
+    recorded = bool(about.get("recording") or "recording" in (about.get("vary") or {}))
+    if system != beside.system and not (recorded and beside.recordings_named):
+        shared = f"whose noise is not that of {beside.system}: compare two campaigns of one system"
+        raise UsageError(f"{path} has runs of {system}, {shared}")
+    return found
 
 
 def batches_of(path: Path) -> Iterator[Batch]:

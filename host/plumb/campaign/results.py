@@ -110,10 +110,27 @@ def batch_bytes(batch: Batch) -> bytes:
 def read_batch(path: Path) -> Batch | None:
     """A batch from its file; None for a file that is not whole."""
     try:
-        given = json.loads(path.read_bytes())
-        return Batch(**given)
-    except (OSError, ValueError, TypeError, RecursionError):
+        batch = Batch(**json.loads(path.read_bytes()))
+        return batch if _is_whole(batch) else None
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
         return None
+
+
+def _is_whole(batch: Batch) -> bool:
+    """Whether a batch that a file gave has one entry of the right kind for each run. Raises AttributeError or TypeError
+    for one that has no columns at all."""
+    own: list[tuple[list[Any], type]] = [  # Any: whatever the file has
+        (batch.index, int), (batch.seed, int), (batch.steps, int),
+        ([one for one in batch.digest if one is not None], int), ([one for one in batch.error if one is not None], str),
+    ]  # fmt: skip
+    metrics = [(one is None or isinstance(one, int | float)) for column in batch.metrics.values() for one in column]
+    columns = (batch.seed, batch.steps, batch.digest, batch.error, *batch.values.values(), *batch.metrics.values())
+    return (
+        isinstance(batch.identity, dict)
+        and all(isinstance(one, kind) for column, kind in own for one in column)
+        and all(metrics)
+        and all(isinstance(column, list) and len(column) == len(batch.index) for column in columns)
+    )
 
 
 def csv_text(results: Results) -> str:

@@ -116,7 +116,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.files import whole_files
 
     study = _study(arguments)
-    other = Results(folder.batches_of(arguments.against)) if _known(arguments.against) else None
+    other = folder.results_of(arguments.against, study) if arguments.against is not None else None
     if other is not None:
         against.check_seeds(range(study.seed(0), study.seed(study.runs - 1) + 1), other)
     if arguments.only is not None:
@@ -136,10 +136,3 @@ def main(arguments: argparse.Namespace) -> int:
         ]
     print(json.dumps(said.to_json()) if arguments.json else "\n".join([said.text(), *written]))
     return ExitCode.BAD_VERDICT if found.failed or found.differing else ExitCode.GOOD
-
-
-def _known(path: Path | None) -> bool:
-    """Whether there is a campaign to compare with; raises UsageError for a folder without one."""
-    from plumb.campaign import folder
-
-    return path is not None and bool(folder.about_of(path))
