@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.scene import LISTEN_S, Scene
+from plumb.proof.faults.scene import HELD_BY_ITSELF, LISTEN_S, Scene
 from plumb.spec.protocol import Frame, protocol
 
 SILENCE = Told("EVENTS", "disarm_cause", 1 << 5)
@@ -158,7 +158,7 @@ FAULTS = (
     Fault("setpoints-in-a-circle", "host", "the source of setpoints hangs, its last 16 are sent in a circle",
           repeat(16), "setpoint", (TIMED_OUT,), prepare=steered(0.9), moves_on=True),
     Fault("setpoint-too-old", "host", "setpoints that were new 300 ms ago are let out of a buffer", let_out, "held",
-          (SEQUENCE,), prepare=setpoints_stuck, holds=True),
+          (SEQUENCE,), frozenset({HELD_BY_ITSELF}), prepare=setpoints_stuck, holds=True),
     Fault("setpoint-overtaken", "host", "other setpoints with the number of the last one and of steps before it",
           overtaken, "held", (SEQUENCE,), prepare=steered(0.2), holds=True),
 )  # fmt: skip

@@ -10,7 +10,7 @@ from plumb.f103.attached.canwire import WireFrame
 from plumb.link.transports.slcan import text_of_frames
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.scene import Heard, Scene, arm
+from plumb.proof.faults.scene import LINKED, Heard, Scene, arm
 from plumb.spec import parameters
 from plumb.spec.protocol import Frame, protocol
 
@@ -312,7 +312,8 @@ FAULTS = (
           foreign_setpoints(greeted=True), "held", (refused("OWNER"),), holds=True),
     Fault("setpoint-without-greeting", "frames",
           "SETPOINT from the node on CAN that the run names for it, after a HELLO of another version",
-          setpoints_without_greeting, "held", (refused("GREETING"),), prepare=steered_from_can, holds=True),
+          setpoints_without_greeting, "held", (refused("GREETING"),), frozenset({LINKED}), prepare=steered_from_can,
+          holds=True),
     Fault("foreign-keepalives", "frames", "the host is silent, a node on CAN sends its last keep-alives",
           foreign_keepalives, "silence", (_SILENCE,), prepare=recorded),
     Fault("foreign-answers", "frames", "the host is silent, a node on CAN answers the values meant for it",

@@ -50,6 +50,12 @@ SEED = 1
 DRIVING_S = 0.5
 """Time armed before the fault: the outputs are away from neutral, and the estimate has converged."""
 ESTIMATE = "estimate"
+CHECKED = "checked"
+"""A feature: implausible sensors disarm. A vehicle that flies is never disarmed by that."""
+HELD_BY_ITSELF = "held by itself"
+"""A feature: the outputs are away from neutral with the setpoint 0; a setpoint that ceases does not stop them."""
+LINKED = "linked"
+"""A feature: another link than the owner's may give the setpoint."""
 ARMING_S = 3.0
 """Longest time to arming, while the sensors come up and the estimate converges."""
 LISTEN_S = 0.001
@@ -142,11 +148,18 @@ class Scene:
     @property
     def features(self) -> frozenset[str]:
         """Parts that a fault can break: analog (sensors on ADC pins), chips (on I2C), bridge, esc (speed controllers);
-        estimate of a system that drives nothing."""
-        inputs = "analog" if isinstance(self.live, AnalogPins) else "chips"
+        estimate of a system that drives nothing; and the features above."""
+        inputs, declared = "analog" if isinstance(self.live, AnalogPins) else "chips", declarations.system(self.name)
         if not systems.load(self.name).OUTPUT_FRAMES:
             return frozenset({inputs, ESTIMATE})
-        return frozenset({inputs, "bridge" if isinstance(self.live, BridgePins) else "esc"})
+        found = {
+            inputs: True,
+            "bridge" if isinstance(self.live, BridgePins) else "esc": True,
+            CHECKED: declared.checked_by == "plausibility",
+            HELD_BY_ITSELF: not isinstance(self.live, CommandedPins),
+            LINKED: declared.command_source == "link",
+        }
+        return frozenset(name for name, is_there in found.items() if is_there)
 
     @property
     def says_armed(self) -> bool:

@@ -9,7 +9,7 @@ from plumb.link import parameter_table
 from plumb.link.identity import SENSOR_CAUSES
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.scene import ESTIMATE, Scene, arm, noise
+from plumb.proof.faults.scene import CHECKED, ESTIMATE, Scene, arm, noise
 from plumb.spec import parameters
 from plumb.spec.parameter_file import by_name
 
@@ -247,8 +247,8 @@ _ANGLES = (
 )  # fmt: skip
 
 _CHIPS = tuple(
-    Fault(name, "sensors", what, inject, LIMITS.get(told, "sensor"), told, CHIPS,
-          prepare=settled if told in LIMITS else None)
+    Fault(name, "sensors", what, inject, LIMITS.get(told, "sensor"), told,
+          CHIPS | {CHECKED} if DISARMED_BY_DOUBT in told else CHIPS, prepare=settled if told in LIMITS else None)
     for name, what, inject, told in (
         ("gyro-silent", "the gyro does not acknowledge", chip("gyro", answers=False),
          (DISARMED_BY_FAULT, digital("does not answer", 0))),
