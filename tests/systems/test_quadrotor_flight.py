@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import plumb
 from plumb.boards.fixed import FixedBoard
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
@@ -20,6 +21,7 @@ from plumb.systems.quadrotor.vehicle import ROTORS_ON, Vehicles
 
 SEEDS = range(1000, 1004)
 FLOWN, HELD, STOPPED = 0, 1, 3
+FLIES_S = courses.REST_S + 0.8
 
 
 @cache
@@ -98,6 +100,21 @@ def test_a_flight_in_closed_loop_on_the_flash_image_is_the_model_bit_for_bit(lin
     assert (done.verdict, done.mismatches) == ("pass", 0)
     assert len(done.inputs.raw) == run.steps
     assert link == "can" or done.board_words["rotor_q24_0"][-1] > 0, "they turn at the end"
+
+
+@pytest.mark.slow
+def test_a_flight_over_the_pins_is_the_model_bit_for_bit() -> None:
+    """The chip on I2C in, four pulses out: armed, taken from its stand and flown by the sticks that the host sends."""
+    pytest.importorskip("unicorn")
+    try:
+        find_image()
+    except UsageError as missing:
+        pytest.skip(str(missing))
+    done = plumb.run("quadrotor", board="virtual", live=True, seconds=FLIES_S)
+    assert done.verdict == "pass" and done.bit_exact
+    assert done["rotor_0"][-1] > 0.1, "it flies on what leaves the pins"
+    assert abs(done.metrics["height_least_m"] - courses.HEIGHT_M) < 0.1
+    assert done.metrics["height_most_m"] - courses.HEIGHT_M < 0.1
 
 
 def test_a_run_is_a_batch_of_one() -> None:
