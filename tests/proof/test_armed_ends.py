@@ -22,6 +22,7 @@ from plumb.proof.faults.limits import limits
 from plumb.proof.faults.runner import Row, Runner
 from plumb.proof.faults.scene import SEED, scenarios_of
 from plumb.spec import armed_values, declarations, parameters
+from plumb.spec.armed_values import LEAST
 from plumb.systems import shipped_tunings
 from plumb.systems.contracts import PINS, fitted
 from plumb.tuning.quantise import quantise
@@ -75,6 +76,15 @@ def moved(name: str, end: int) -> dict[str, int]:
     return {"esc.min_halfus": end} if name == "esc.neutral_halfus" and end > SHORTEST_HALFUS else {}
 
 
+def possible(system: str, changes: dict[str, int]) -> dict[str, int]:
+    """The changes, at the ends that this system has: those of its own conditions, and pulses in their order."""
+    least = {one.words[0]: one.limit for one in armed_values.conditions() if (one.system, one.kind) == (system, LEAST)}
+    held = {name: max(value, least.get(name, value)) for name, value in changes.items()}
+    parts = systems.load(system, PINS)
+    mid = quantise(systems.load(system).TUNINGS[parts.TUNING])["esc.mid_halfus"]
+    return {**held, "esc.mid_halfus": max(mid, held["esc.min_halfus"])} if "esc.min_halfus" in held else held
+
+
 def ends(name: str) -> tuple[int, int]:
     row = next(row for row in parameters.table() if row.name == name)
     low, high = row.armed or (row.min, row.max)
@@ -109,6 +119,7 @@ def broken(row: Row) -> str:
 
 def failures(system: str, scenario: str, changes: dict[str, int], faults: list[Fault]) -> dict[str, str]:
     """Fault -> why its row failed. The board has to be armed with this table: LinkError when it is not."""
+    changes = possible(system, changes)
     period_us = changes.get("period_us")
     changes = {**(tuned_for(system, scenario, period_us) if period_us else {}), **changes}
     with Runner(system, phases=1, scenario=scenario, changes=changes) as runner:
