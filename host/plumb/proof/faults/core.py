@@ -5,6 +5,7 @@ from __future__ import annotations
 from plumb.errors import LinkError
 from plumb.f103.core.cpu import BRANCH_TO_ITSELF, FLASH_BASE, RAM_BASE
 from plumb.f103.core.nvic import SYSTICK
+from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.proof.faults.scene import Scene
 
 FOREVER = BRANCH_TO_ITSELF
@@ -13,6 +14,8 @@ MASK_INTERRUPTS = b"\x72\xb6"
 UNDEFINED = b"\x00\xde"
 RETURN_TRUE = b"\x01\x20\x70\x47"
 THREAD_S = 0.05
+HOST_WAITS_S = 0.004
+"""The end of a pause without the host, which lets time pass in whole milliseconds."""
 
 
 def patch(scene: Scene, address: int, code: bytes) -> None:
@@ -47,7 +50,9 @@ def pause_at(scene: Scene, address: int, pause_s: float) -> None:
         if code == FOREVER:
             if not scene.machine.run_until(lambda: cpu.pc == address, THREAD_S * 1e6):
                 raise LinkError("the core never reaches this instruction: the fault cannot be injected")
-            scene.run(pause_s)
+            end = scene.machine.now + round(pause_s * TICKS_PER_S)
+            scene.run(max(pause_s - HOST_WAITS_S, 0.0))
+            scene.machine.advance_us(max(end - scene.machine.now, 0) / TICKS_PER_US)
 
 
 def poke(scene: Scene, address: int, value: int) -> None:

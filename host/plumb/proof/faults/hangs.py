@@ -18,9 +18,11 @@ PAUSE_S = 0.035
 to be late after it."""
 KEEPALIVE_S, MOMENTS = 0.01, 12
 """Period of the values that the board sends, and moments in it at which a pause begins."""
-PULSES_PAUSE_S, PAUSES, LONGER_S = 0.03, 12, 0.0002
+PULSES_PAUSE_S, PAUSES, LONGER_S = 0.0325, 12, 0.0002
 """Shortest pause, number of pauses, and their increment; together they cover a frame of pulses, 2.5 ms here. A pulse
-that is written after the pause reaches the pin only when a frame ends before the loop writes neutral."""
+that is written after the pause reaches the pin only when a frame ends before the next tick of 1 ms writes neutral. The
+first neutral began a frame 2.1 ms behind a tick, so that frames end 0.1 or 0.6 ms behind a tick from then on: the
+pauses have one of the latter."""
 IRQS = {
     "adc-dma": 11, "spi-dma": 12, "uart-tx-dma": 14, "uart-rx-dma": 15, "i2c-dma": 17, "can-tx": 19, "can-rx0": 20,
     "can-rx1": 21, "can-errors": 22, "hall": 28, "steps": 29, "i2c-events": 31, "i2c-errors": 32, "uart": 37,
