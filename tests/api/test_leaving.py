@@ -44,7 +44,7 @@ class Outside:
 
     def pulses_us(self) -> list[float]:
         if isinstance(self._board, NativePort):
-            return [half_us / 2.0 for half_us in self._board.mcu.wires.pulse_halfus]
+            return [half_us / 2.0 for half_us in self._board.mcu.wires.pulse_halfus[:2]]
         return [self._board.machine.pwm(pin).pulse_us for pin in ("PB6", "PB7")]
 
     def let_pass(self, time_us: int) -> None:
