@@ -15,7 +15,7 @@
 static uint8_t reference_crc(const uint8_t *bytes, size_t count) {
     unsigned crc = 0;
     for (size_t bit = 0; bit < 8U * count; bit++) {
-        const unsigned in = bytes[bit / 8U] >> (7U - bit % 8U) & 1U;
+        const unsigned in = (unsigned)bytes[bit / 8U] >> (7U - bit % 8U) & 1U;
         const unsigned out = crc >> 7 & 1U;
         crc = (crc << 1 & 0xFFU) ^ (in != out ? 0xD5U : 0U);
     }
