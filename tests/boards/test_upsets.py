@@ -21,6 +21,7 @@ from unicorn import UC_HOOK_MEM_WRITE
 
 from plumb.errors import LinkError
 from plumb.f103.machine import Machine
+from plumb.f103.peripherals.tim import UDIS
 from plumb.f103.snapshot import Snapshot
 from plumb.flash.elf import Elf
 from plumb.link.sample_codec import samples_text
@@ -140,7 +141,8 @@ def test_every_flip_disarms_before_the_next_pulse_and_is_named(flown: tuple[Boar
         seen = set()
 
         def neutral() -> bool:
-            seen.add(board.pulses())  # noqa: B023
+            if not machine.tim4.cr1 & UDIS:  # while the pulses are written one by one, none of them takes effect
+                seen.add(board.pulses())  # noqa: B023
             return board.pulses() == (NEUTRAL_HALFUS, NEUTRAL_HALFUS)
 
         place = f"bit {bit} of 0x{address:08X}"

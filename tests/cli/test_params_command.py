@@ -20,6 +20,7 @@ from plumb.link.identity import Identity, identity_of
 from plumb.link.session import Session
 from plumb.spec import declarations, parameter_file, parameters
 from plumb.spec.units import meaning
+from plumb.systems.contracts import LinkedSensors
 from support.declared_systems import of_declared, without_outputs
 from support.native_board import NativeBoard
 from support.params_command import in_use, params
@@ -252,7 +253,8 @@ def test_a_board_becomes_a_system_with_its_shipped_tuning(
     changed = json.loads(out)["changed"]
     module = systems.load(system)
     tuned = quantise(module.TUNINGS[module.DEFAULT_TUNING])
-    values = {**tuned.values, **tuned.link_words(), "period_us": module.PERIOD_US, **module.LINK}
+    sensors = module.SENSOR_LINKS.get(module.DEFAULT_TUNING, {}) if isinstance(module, LinkedSensors) else {}
+    values = {**tuned.values, **tuned.link_words(), "period_us": module.PERIOD_US, **module.LINK, **sensors}
     rows = {row.name: row.default for row in parameters.table()}
     assert code == 0
     assert {name: row["to"] for name, row in changed.items()} == {

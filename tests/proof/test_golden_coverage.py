@@ -14,8 +14,9 @@ from support.core_coverage import lacking, unreached
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "vectors"
-NO_STEP = ("core/commutation.c", "core/digest.c", "generated/", "ports/")
-"""The port's motor, the digest that judges, and what calls the core."""
+NO_STEP = ("core/commutation.c", "core/digest.c", "core/takeoff.c", "generated/", "ports/")
+"""The port's motor, the digest that judges, what is asked before a takeoff (tests/systems/test_takeoff.py), and the
+callers of the core."""
 
 
 @pytest.mark.slow

@@ -32,7 +32,7 @@ NEUTRAL_US = 1000.0
 CONTROL_WORDS = sum(row.owner == "control" for row in table())
 ANALOG_3, DIGITAL = 1, 3
 """BOARD_SENSORS_ANALOG_3 and BOARD_SENSORS_BALANCE of app/board_sensors.h."""
-SENSORS_AT = 19
+SENSORS_AT = 23
 """Place of `sensors` in control_system_t (firmware/systems/control.h)."""
 FLASH = 0x08000000
 NO_CONVERSIONS, STEPS_MISSED, SENSOR = 1, 2, 0x40

@@ -103,7 +103,8 @@ class ServedNative:
         self._follow_us += FOLLOW_US
         time_s = (self.mcu.now_us - self._begin_us) * 1e-6
         plant.follow(time_s, dict(zip(self._names, self._outputs(), strict=True)))
-        self.mcu.wires.raw[:] = plant.counts(time_s)
+        raw = self.mcu.wires.raw
+        raw[:] = plant.counts(time_s)[: len(raw)]  # commands, which follow the counts, come over the link
 
     def _outputs(self) -> list[int]:
         wires = self.mcu.wires
