@@ -76,6 +76,19 @@ def test_it_turns_four_rotors_when_it_is_armed_and_told_to(stand: Stand) -> None
     assert stand.pulses == [NEUTRAL_HALFUS] * 4
 
 
+def test_the_arm_switch_arms_it_without_a_host_and_stops_it(stand: Stand) -> None:
+    stand.session.end()
+    stand.rests(0.1)
+    stand.board.switch(True)
+    stand.rests(1.0)
+    assert not stand.board.armed, "its run has just begun: the vertical is not known yet"
+    stand.rests(2.5)
+    assert stand.board.armed and stand.pulses == [NEUTRAL_HALFUS] * 4, "nobody has switched a rotor on"
+    stand.board.switch(False)
+    stand.rests(0.1)
+    assert not stand.board.armed
+
+
 def test_what_is_missing_is_named(stand: Stand) -> None:
     stand.feels = LEANING
     stand.rests(3.0)

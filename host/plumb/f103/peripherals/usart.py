@@ -7,6 +7,7 @@ it up to date. Not modelled: parity, half duplex, synchronous, LIN, smartcard an
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -61,7 +62,7 @@ class NoDma:
         return 0
 
 
-class Usart(Peripheral):
+class Usart(Peripheral, ABC):
     """A USART. host_baud: of the other end of its line."""
 
     REGISTERS = (
@@ -116,9 +117,9 @@ class Usart(Peripheral):
         """Period of the clock of its bus: APB2 for USART1, else APB1."""
         return self.machine.rcc.pclk2_ticks if self.name == "USART1" else self.machine.rcc.pclk1_ticks
 
+    @abstractmethod
     def _pins(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Port and pin of the transmitter, and of the receiver."""
-        raise NotImplementedError
 
     def _cut_off(self, now: int) -> None:
         """Drop the bytes that have not reached the host by now."""
