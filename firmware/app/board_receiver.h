@@ -5,8 +5,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Fetch received bytes, at most `room`; returns how many. A byte arrives every 24 us at most; call on every
- * turn of the loop, or bytes are lost after 3 ms. */
+/* Fetch received bytes, at most `room`; returns how many. 24 us or more lie between two bytes, and 128 of
+ * them are kept: call on every turn of the loop, or bytes are lost after 3 ms. */
 size_t board_receiver_read(uint8_t *bytes, size_t room);
 
 #endif

@@ -40,8 +40,8 @@ typedef enum {
 } setpoint_age_t;
 
 #if CONTROL_COMMANDS_MAX > 0U
-/* Setpoint and the first commands, so many words of them, of a source on the board: in use at once, in every
- * turn of the loop, whatever arming and time-outs have set. */
+/* Use the setpoint and the first `count` words of commands of a source on the board. Call on every turn of
+ * the loop, after setpoint_poll(): they replace what arming and time-outs have set. */
 void setpoint_of_board(setpoint_t *s, int32_t value, const int16_t *words, size_t count);
 
 uint16_t setpoint_refused_set(const setpoint_t *s, uint16_t number, uint16_t next_step);
