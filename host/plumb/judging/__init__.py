@@ -9,7 +9,8 @@ optional:
 
     figures.py    targets and reached figures (plumb.proof.figures.FigureSections)
     limits.toml   how far the estimate of a run may be from the truth (tools/gen_limits.py)
-    margins.toml  margins of its closed loop on the flash image (tools/gen_margins.py)
+    margins.toml  margins of its closed loops on the flash image (tools/gen_margins.py)
+    sweep.py      how they are swept on a board (plumb.proof.loop_figures.SweptLoops)
     replay.py     recordings of real sensors as inputs of a run (plumb.inputs.replay.Replayed)
     compare.py    its vertical, for comparison with published algorithms (plumb.analyses.comparison.contenders.Compared)
     flight.py     its vertical in simulated flight (plumb.analyses.flights.estimators.FlownSystem)

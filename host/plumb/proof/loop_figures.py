@@ -1,7 +1,8 @@
 """Rows of the table of figures for closed loops: margins computed from the models, and identified on the flash image.
 
-loops.py of a system gives the models' margins. margins.toml in its folder has the identified ones: tools/gen_margins.py
-writes it, from the test of `plumb tune pid --board virtual --live`.
+loops.py of a system gives the models' margins. margins.toml in its folder has those of the flash image:
+tools/gen_margins.py writes it, from a sweep where the system has one (sweep.py), otherwise from the test of
+`plumb tune pid --board virtual --live`.
 """
 
 from __future__ import annotations
@@ -10,12 +11,31 @@ import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
+from plumb.boards.contract import Board
 from plumb.proof.figures import Figure, Sense
 from plumb.spec import declarations
+from plumb.spec.system_parts import Part
 from plumb.tuning.loop_model import Margins
 
 FILE = "margins.toml"
+
+
+class SweptLoops(Protocol):
+    """sweep.py of a system: the margins of its loops on any board."""
+
+    @property
+    def HOW(self) -> str:
+        """How they are swept, one sentence."""
+
+    def margins_on(self, board: Board, /) -> Mapping[str, Margins]:
+        """Loop -> its margins."""
+
+
+SWEEP = Part[SweptLoops](
+    "sweep", SweptLoops, without="its loop is identified by the test of `plumb tune pid`", place="judging"
+)
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,8 @@ ASSUMED = (
     f"Wind {courses.WIND_MPS:g} m/s with Dryden gusts; gust: a step of {courses.GUST_MPS:g} m/s; weak: one rotor loses"
     f" {100 * (1 - courses.WEAK_SHARE):.0f} % of its thrust; yaw: a full stick with a battery that gives 45 % of the"
     " thrust.",
-    "Margins: broken at the mixer, swept from 0.5 to 30 Hz in a calm hover; the flash image is the same integers.",
+    f"Margins: broken at the mixer, swept from {loops.LOW_HZ:g} to {loops.HIGH_HZ:g} Hz in a calm hover;"
+    " tools/gen_margins.py sweeps the flash image.",
 )
 LEAST = LeastMargins(phase_deg=45.0, gain_db=8.0, delay_s=0.030)
 RMS: dict[str, tuple[tuple[float, float], tuple[float, float]]] = {
@@ -177,6 +178,8 @@ def margins(_seeds: Iterable[int]) -> Iterator[Figure]:
         least = LEAST if period_us == quadrotor.PERIOD_US else None
         for axis in loops.PATTERNS:
             yield from loop_figures.rows(axis, loops.margins(axis, period_us=period_us), "hover", TUNING, least, how)
+    for axis, found in loop_figures.identified("quadrotor").items():
+        yield from loop_figures.rows(axis, found, "hover", TUNING, LEAST, "flash image")
 
 
 def _errors(name: str) -> Callable[[Iterable[int]], Iterator[Figure]]:

@@ -27,7 +27,8 @@ PATTERNS = {
 }
 """Axis -> what a command of it adds to the rotors: front right, front left, rear left, rear right."""
 AMPLITUDE = {"roll": 0.02, "pitch": 0.02, "yaw": 0.06}
-LOW_HZ, HIGH_HZ, POINTS = 0.5, 30.0, 36
+LOW_HZ, HIGH_HZ, POINTS = 0.5, 60.0, 40
+"""Up to 60 Hz, since the phase of roll and pitch passes half a turn a little above 30 Hz."""
 SETTLES_S, SECONDS = 3.0, 30.0
 """The sine begins when the pilot would, and is measured from SETTLES_S later on."""
 
