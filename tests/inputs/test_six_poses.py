@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from plumb import systems
 from plumb.errors import UsageError, VerdictError
 from plumb.inputs import vector_calibration
 from plumb.inputs.calibration import Calibrated, Calibration
 from plumb.inputs.vector_calibration import VectorCalibration, calibration_of
 from plumb.physics.hand import TurningHand
 from plumb.spec import declarations
-from plumb.systems.attitude import poses, scenarios
+from plumb.systems.attitude import poses
 from plumb.systems.attitude.held import HeldBody
+from plumb.systems.contracts import PINS, POSES
 from plumb.tuning.pose_calibration import Pose
 from plumb.tuning.quantise import quantise
 
@@ -26,13 +28,13 @@ SEED = 7
 class Bench:
     """A board without a board: the counts of a body in a hand, on a clock that only readings move on."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        plant, hand = poses.held(SEED)
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, name: str = "attitude") -> None:
+        plant, hand = systems.load(name, POSES).held(SEED)
         assert isinstance(hand, TurningHand) and isinstance(plant, HeldBody)
         self.plant, self.hand, self.now_s, self.ended = plant, hand, 0.0, 0
         self.spoil: Callable[[list[tuple[int, ...]]], list[tuple[int, ...]]] = lambda samples: samples
-        control = quantise(scenarios.TUNINGS[scenarios.TWO_CHIPS])
-        table = {**control.values, "system": declarations.system("attitude").number, "period_us": PERIOD_US}
+        control = quantise(systems.load(name).TUNINGS[systems.load(name, PINS).TUNING])
+        table = {**control.values, "system": declarations.system(name).number, "period_us": PERIOD_US}
         monkeypatch.setattr("plumb.link.parameter_table.read_table", lambda session: [])
         monkeypatch.setattr(vector_calibration, "by_name", lambda rows: table)
         monkeypatch.setattr(vector_calibration, "require_sensors", lambda session: None)
@@ -88,7 +90,9 @@ def calibrate(bench: Bench, **wrong: Callable[[], None]) -> tuple[Calibrated, Cl
     return calibration.run(clumsy), clumsy
 
 
-def test_the_result_is_that_of_the_part(bench: Bench) -> None:
+@pytest.mark.parametrize("name", ["attitude", "quadrotor"])
+def test_the_result_is_that_of_the_part(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch, name)
     found, clumsy = calibrate(bench)
     assert (clumsy.told, clumsy.asked, bench.ended) == ([], 13, 1)
     there, back = ["left side up", "front up", "level"], ["front up", "left side up", "level"]

@@ -66,10 +66,11 @@ def _leaning(angles_rad: FloatArray) -> FloatArray:
 
 
 class HeldBody:
-    """The body with its sensors, held by a hand; their noise comes from the seed, and their errors, unless given."""
+    """The body with its sensors, held by a hand; their noise comes from the seed, and their errors, unless given. part:
+    the scenario that names the sensors."""
 
-    def __init__(self, hand: TurningHand, seed: int, errors: SensorErrors | None = None) -> None:
-        self.scenario = scenario(TWO_CHIPS, seed, seconds=2.0)
+    def __init__(self, hand: TurningHand, seed: int, errors: SensorErrors | None = None, part: str = TWO_CHIPS) -> None:
+        self.scenario = scenario(part, seed, seconds=2.0)
         self.hand = hand
         rng = np.random.default_rng(seed)
         self.errors = errors or drawn_errors(self.scenario.sensors, rng)
