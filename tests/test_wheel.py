@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from plumb.cockpit.flight.flight_page import ASSETS as FLIGHT
 from plumb.cockpit.page_server import ASSETS
 from plumb.spec import declarations
 from plumb.version import FALLBACK
@@ -42,7 +43,8 @@ def test_the_wheel_serves_every_python_and_holds_images_and_vectors(built: Built
         "plumb/images/images.json",
     } <= names
     assert {f"plumb/vectors/{name}.golden" for name in VECTORS} <= names
-    assert {f"plumb/cockpit/page/{name}" for name, _ in ASSETS.values()} <= names
+    assert {f"plumb/cockpit/page/{name}" for name, _ in (*ASSETS.values(), *FLIGHT.values())} <= names
+    assert "plumb/cockpit/page/fly/ogl.LICENSE" in names
     assert {"plumb/vectors/quad.recipe.toml", "plumb/vectors/manifest.json"} <= names
     assert not {name for name in names if not name.startswith(("plumb/", "plumb_imu-"))}
     with tarfile.open(built.sdist) as sdist:

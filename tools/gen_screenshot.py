@@ -137,7 +137,7 @@ def cockpit() -> bytes:
 
 PICTURES = {
     "report": Picture(report, REPORT_SIZE, ("proof/report.css", "proof/report.js")),
-    "cockpit": Picture(cockpit, COCKPIT_SIZE, ("cockpit/page/*",)),
+    "cockpit": Picture(cockpit, COCKPIT_SIZE, ("cockpit/page/*.*",)),
 }
 
 if __name__ == "__main__":

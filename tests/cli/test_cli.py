@@ -39,7 +39,7 @@ def test_top_level_help_names_every_verb() -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["fly"], "there is no command 'fly'"),
+        (["soar"], "there is no command 'soar'"),
         (["run", "quad", "--board", "toaster"], "'toaster' is not a board"),
         (["run", "quad", "--board", "serial:/dev/no-such-port@fast"], "baud rate"),
         (["replay", "no-such-file.npz", "--board", "native"], "no-such-file.npz"),

@@ -185,7 +185,7 @@ def test_output_that_cannot_be_written_is_a_sentence_and_no_0(verdict: int, code
 @pytest.mark.skipif(not FULL.exists(), reason="the system has no /dev/full")
 def test_a_sentence_that_cannot_be_written_keeps_its_exit_code() -> None:
     with FULL.open("w", encoding="utf-8") as full:
-        done = subprocess.run([sys.executable, "-m", "plumb", "fly"], stderr=full, timeout=60, check=False)
+        done = subprocess.run([sys.executable, "-m", "plumb", "soar"], stderr=full, timeout=60, check=False)
     assert done.returncode == 2
 
 

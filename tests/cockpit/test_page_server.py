@@ -85,7 +85,7 @@ def test_every_file_of_the_page_is_served_and_fetches_nothing_from_elsewhere(ser
 
 def test_every_file_of_the_folder_is_served() -> None:
     folder = Path(page_server.__file__).parent / "page"
-    assert {name for name, _ in ASSETS.values()} == {path.name for path in folder.iterdir()}
+    assert {name for name, _ in ASSETS.values()} == {path.name for path in folder.iterdir() if path.is_file()}
 
 
 @pytest.mark.parametrize("path", ["", "wrong/", "wrong/live", "../", "%2e%2e/"])

@@ -33,4 +33,5 @@ class NativePort(LinkBoard):
     def __init__(self, system: str, plant: Plant | None) -> None:
         self.served = open_native(systems.load(system).LINK.get("pins", 0), b"", system, plant)
         self.mcu = self.served.mcu
-        super().__init__("native", Session.open(FollowingUart(self.served)))
+        self.uart = FollowingUart(self.served)
+        super().__init__("native", Session.open(self.uart))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -67,15 +68,20 @@ def _save_as(mcu: NativeMcu, name: str) -> None:
 
 
 class ServedNative:
-    """A NativeMcu with the interface `Served`, and a plant on its wires, whose time 0 is the construction."""
+    """A NativeMcu with the interface `Served`, and a plant on its wires, whose time 0 is the construction, or the call
+    of `attach`. radio: bytes of the radio receiver up to a time of the plant; called every FOLLOW_US."""
 
     def __init__(self, mcu: NativeMcu, system: str | None = None, plant: Plant | None = None) -> None:
         self.mcu, self.uart, self.plant = mcu, mcu.uart, plant
         declared = declarations.system(system) if system else None
         self._output = declared.output if declared else ""
         self._names = [word.name for word in declared.output_words] if declared else []
-        self._begin_us = mcu.now_us
-        self._follow_us = mcu.now_us
+        self.radio: Callable[[float], bytes] | None = None
+        self._begin_us = self._follow_us = mcu.now_us
+
+    def attach(self, plant: Plant) -> None:
+        """Put another plant on the wires; its time 0 is now."""
+        self.plant, self._begin_us, self._follow_us = plant, self.mcu.now_us, self.mcu.now_us
 
     @property
     def now(self) -> int:
@@ -102,6 +108,8 @@ class ServedNative:
     def _follow(self, plant: Plant) -> None:
         self._follow_us += FOLLOW_US
         time_s = (self.mcu.now_us - self._begin_us) * 1e-6
+        if self.radio is not None and (heard := self.radio(time_s)):
+            self.mcu.receiver_send(heard)
         plant.follow(time_s, dict(zip(self._names, self._outputs(), strict=True)))
         raw = self.mcu.wires.raw
         raw[:] = plant.counts(time_s)[: len(raw)]  # commands, which follow the counts, come over the link

@@ -45,6 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    check_page(arguments)
+    with options.linked_board_of(arguments) as board:
+        serve(arguments, board)
+    return 0
+
+
+def check_page(arguments: argparse.Namespace) -> None:
+    """Raises UsageError for wrong options of a page, and without what serves it."""
     from plumb.errors import UsageError
     from plumb.extras import install_hint
 
@@ -57,10 +65,7 @@ def main(arguments: argparse.Namespace) -> int:
     try:
         import aiohttp  # noqa: F401
     except ImportError:
-        raise UsageError(f"the cockpit needs aiohttp; install it {install_hint('cockpit')}") from None
-    with options.linked_board_of(arguments) as board:
-        serve(arguments, board)
-    return 0
+        raise UsageError(f"the page needs aiohttp; install it {install_hint('cockpit')}") from None
 
 
 def serve(arguments: argparse.Namespace, board: LinkBoard) -> None:
@@ -96,24 +101,25 @@ def serve(arguments: argparse.Namespace, board: LinkBoard) -> None:
         return bool(caught) or late
 
     with endings() as caught, PageServer(loop, arguments.port) as server:
-        announce(arguments, server.control_address, server.watch_address)
+        announce(arguments, "cockpit", server.control_address, server.watch_address)
         loop.run(stopped)
     if caught:
         raise_ending(caught)
 
 
-def announce(arguments: argparse.Namespace, control: str, watch: str) -> None:
-    """Print the addresses, and open the first if that is asked for."""
+def announce(arguments: argparse.Namespace, what: str, control: str, watch: str) -> None:
+    """Print the addresses of what is served, and open the first if that is asked for."""
     import json
 
     if arguments.json:
         print(json.dumps({"control": control, "watch": watch}), flush=True)
     else:
-        print(f"cockpit: {control}\nto watch only: {watch}\nCtrl-C ends it", flush=True)
+        print(f"{what}: {control}\nto watch only: {watch}\nCtrl-C ends it", flush=True)
     if arguments.open:
         import webbrowser
 
-        webbrowser.open(control)
+        if not webbrowser.open(control):
+            print("plumb: no browser was found here: open the address in one", file=sys.stderr)
 
 
 def plant_of(arguments: argparse.Namespace, board: LinkBoard) -> PlantOnBoard | None:

@@ -69,6 +69,11 @@ class BoardRun:
         self._comparison = Comparison(None, "no run is on")
         self._open(board.session)
 
+    @property
+    def reports(self) -> list[Path]:
+        """The reports of recordings that are written."""
+        return self.recording.reports
+
     def note(self, text: str) -> None:
         """A line in the log of the page."""
         self.notes.append((time.time(), text))
@@ -176,13 +181,16 @@ class BoardRun:
         self._words = words = self._session.read_parameters()
         self.recording.parameters(words)
         period_us = by_name(words)["period_us"]
-        frames = monitor.selection(period_us, self._session.system, raw_first=True)
+        frames = self._selection(period_us)
         self._open_run(words, frames, period_us * 1e-6)
         self._session.begin("REALTIME_LIVE", frames=frames)
         self._own_run = True
         self._idle.renew()
         self._foreign.renew()
         self.note(f"run {self._runs} of {self._session.system} began, disarmed")
+
+    def _selection(self, period_us: int) -> tuple[str, ...]:
+        return monitor.selection(period_us, self._session.system, raw_first=True)
 
     def _open_run(self, words: list[int], frames: tuple[str, ...], period_s: float, *, joined: bool = False) -> None:
         raw = tuple(set(RAW_FRAMES).intersection(frames))

@@ -18,14 +18,17 @@ import json
 import secrets
 import threading
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
+from typing import Protocol
 
 from aiohttp import WSMsgType, web
 
 from plumb.cockpit import page_orders
-from plumb.cockpit.arming import Answer
-from plumb.cockpit.board_loop import BoardLoop
+from plumb.cockpit.arming import Answer, Reply
+from plumb.cockpit.hold import Hold
+from plumb.cockpit.page_orders import Order
+from plumb.cockpit.samples import Samples
 from plumb.errors import UsageError
 
 HOST = "127.0.0.1"
@@ -56,17 +59,58 @@ HEADERS = {
     "X-Frame-Options": "DENY",
 }
 
+REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+"""A report is a page by itself."""
+
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-class PageServer:
-    """Serves one BoardLoop in a thread of its own. A context manager: leaving it closes every page.
+class Served(Protocol):
+    """What a page shows, and gives orders to: the loop of a board or of a flight."""
 
-    control_address, watch_address: the two addresses. failed: the error that ended the thread, else None.
+    @property
+    def hold(self) -> Hold: ...
+    @property
+    def samples(self) -> Samples | None: ...
+    @property
+    def state(self) -> Mapping[str, object]: ...
+    @property
+    def notes(self) -> deque[tuple[float, str]]: ...
+    @property
+    def reports(self) -> list[Path]:
+        """Pages of records that are written."""
+
+    def order(self, order: Order, reply: Reply, /) -> None: ...
+    def stop(self) -> None: ...
+
+
+class Speaks(Protocol):
+    """An open page."""
+
+    async def serve(self) -> None: ...
+
+
+OpenPage = Callable[[web.WebSocketResponse, Callable[[], None], int, bool], Speaks]
+"""Makes the page of a WebSocket: abort, its number, and whether it was opened with the address of control."""
+
+
+class PageServer:
+    """Serves one loop in a thread of its own. A context manager: leaving it closes every page.
+
+    assets: the files of the page; opened: what speaks with an open one, None: the page of a board. control_address,
+    watch_address: the two addresses. failed: the error that ended the thread, else None.
     """
 
-    def __init__(self, loop: BoardLoop, port: int = 0) -> None:
-        self._board, self._port = loop, port
+    def __init__(
+        self,
+        loop: Served,
+        port: int = 0,
+        *,
+        assets: Mapping[str, tuple[str, str]] = ASSETS,
+        opened: OpenPage | None = None,
+    ) -> None:
+        self._board, self._port, self._assets = loop, port, assets
+        self._opened = opened or (lambda socket, abort, number, control: Page(socket, abort, loop, number, control))
         self._control, self._watch = secrets.token_urlsafe(18), secrets.token_urlsafe(18)
         self._numbers = itertools.count(1)
         self._pages: set[web.WebSocketResponse] = set()
@@ -112,6 +156,7 @@ class PageServer:
         self._events, self._ending = asyncio.get_running_loop(), asyncio.Event()
         app = web.Application(middlewares=[self._guard])
         app.router.add_get("/{token}/live", self._live)
+        app.router.add_get("/{token}/reports/{name}", self._report)
         app.router.add_get("/{token}/{asset:.*}", self._asset)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await runner.setup()
@@ -143,16 +188,24 @@ class PageServer:
             return web.Response(status=403, text="wrong address: use the one that plumb printed\n", headers=HEADERS)
         answer = await handler(request)
         if not answer.prepared:
-            answer.headers.update(HEADERS)
+            answer.headers.update({**HEADERS, **answer.headers})
         return answer
 
     async def _asset(self, request: web.Request) -> web.Response:
-        found = ASSETS.get(request.match_info["asset"])
+        found = self._assets.get(request.match_info["asset"])
         if found is None:
             return web.Response(status=404, text="no such file\n")
         name, kind = found
         text = (Path(__file__).parent / "page" / name).read_text(encoding="utf-8")
         return web.Response(text=text, content_type=kind, charset="utf-8")
+
+    async def _report(self, request: web.Request) -> web.Response:
+        """A report that this loop has written; no other file."""
+        found = next((path for path in self._board.reports if path.name == request.match_info["name"]), None)
+        if found is None or not found.is_file():
+            return web.Response(status=404, text="no such report\n")
+        policy = {"Content-Security-Policy": REPORT_POLICY}
+        return web.Response(body=found.read_bytes(), content_type="text/html", charset="utf-8", headers=policy)
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         if request.headers.get("Origin") != f"http://{request.host}":
@@ -164,7 +217,7 @@ class PageServer:
         self._pages.add(socket)
         transport = request.transport
         abort = transport.abort if transport is not None else lambda: None
-        page = _Page(socket, abort, self._board, next(self._numbers), self._may_control(request) is True)
+        page = self._opened(socket, abort, next(self._numbers), self._may_control(request) is True)
         try:
             await page.serve()
         finally:
@@ -172,15 +225,15 @@ class PageServer:
         return socket
 
 
-class _Page:
-    """One open page. number: who it is to the Hold; control: opened with the address of control; abort: cuts its
-    connection."""
+class Page:
+    """One open page of a board. number: who it is to the Hold; control: opened with the address of control; abort: cuts
+    its connection."""
 
     def __init__(
         self,
         socket: web.WebSocketResponse,
         abort: Callable[[], None],
-        board: BoardLoop,
+        board: Served,
         number: int,
         control: bool,
     ) -> None:

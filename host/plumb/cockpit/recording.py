@@ -25,10 +25,12 @@ Item = Batch | Sequence[int] | None
 
 
 class Recording:
-    """At most one recording at a time, into a new log in `folder`. say: called, by any thread, with what to tell."""
+    """At most one recording at a time, into a new log in `folder`. say: called, by any thread, with what to tell.
+    reports: those that are written."""
 
     def __init__(self, folder: Path, command: str, say: Callable[[str], None]) -> None:
         self._folder, self._command, self._say = folder, command, say
+        self.reports: list[Path] = []
         self._head: Mapping[str, object] = {}
         self._memory = RunMemory()
         self._words: Sequence[int] = ()
@@ -58,7 +60,7 @@ class Recording:
         before = self._memory.batches
         begun_with = self._words if before else words
         recorder = Recorder(board.session, path, self._head, begun_with=begun_with, read=False)
-        self._writer = LogThread(recorder, path, self._say)
+        self._writer = LogThread(recorder, path, self._say, self.reports)
         for batch in before:
             self._writer.items.put(batch)
         missing = "; the beginning of this run is not in it, so that it cannot be replayed"
@@ -95,11 +97,12 @@ class Recording:
 
 class LogThread(threading.Thread):
     """Writes what is queued to the log, until the end or until the log cannot be written: a full disk ends the
-    recording, not the run. items: what is to be written; failed: whether it ended by itself."""
+    recording, not the run. items: what is to be written; failed: whether it ended by itself; reports: gets the report
+    when it is there."""
 
-    def __init__(self, recorder: Recorder, path: Path, say: Callable[[str], None]) -> None:
+    def __init__(self, recorder: Recorder, path: Path, say: Callable[[str], None], reports: list[Path]) -> None:
         super().__init__(name="log")
-        self.recorder, self.path, self._say = recorder, path, say
+        self.recorder, self.path, self._say, self._reports = recorder, path, say, reports
         self.items: queue.SimpleQueue[Item] = queue.SimpleQueue()
         self.failed = False
         self.start()
@@ -132,6 +135,7 @@ class LogThread(threading.Thread):
         except PlumbError as error:
             self._say(f"no report was written: {error}")
         else:
+            self._reports.append(page)
             self._say(f"report: {page}")
 
 

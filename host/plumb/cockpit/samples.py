@@ -157,6 +157,14 @@ class Samples:
         wanted = (times >= since_s) & np.isfinite(values)
         return times[wanted].tolist(), values[wanted].tolist()
 
+    def newest(self) -> dict[str, float]:
+        """The newest row by column, without what it lacks; {} before the first."""
+        with self._lock:
+            if not self.rows:
+                return {}
+            row = self._values[(self.rows - 1) % ROWS_KEPT].tolist()
+        return {column.name: value for column, value in zip(self.columns, row, strict=True) if math.isfinite(value)}
+
     @property
     def kept(self) -> int:
         """Rows that the ring holds at most."""

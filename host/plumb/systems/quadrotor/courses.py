@@ -38,7 +38,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class Course:
-    """lands: takes off from the ground and lands on it. turns: in mode rate. gust_mps, kick_radps, weak: at HAPPENS_S.
+    """lands: takes off from the ground and lands on it. turns: in mode rate. gust_mps, kick_radps, weak: at happens_s.
     lost_s: from when to when the receiver hears nothing. supply: share of the full thrust that the battery gives.
     cut_s: from when on the throttle is low. held: the stand does not let go, and the throttle stays low; on_its_back:
     it lies there upside down."""
@@ -54,6 +54,7 @@ class Course:
     gust_mps: float = 0.0
     kick_radps: float = 0.0
     weak: bool = False
+    happens_s: float = HAPPENS_S
     lost_s: tuple[float, float] = (0.0, 0.0)
     supply: float = 1.0
     cut_s: float = float("inf")

@@ -117,12 +117,10 @@ class Vehicles:
             )
             self._waiting.extend([hover] * DELAY_STEPS)
             command = hover
-        wind_mps = self._wind.velocity_mps()
-        happened = at_s >= courses.HAPPENS_S
-        if happened:
-            wind_mps = wind_mps + course.gust_mps * self._gust
+        wind_mps = self.wind_mps(at_s)
+        if at_s >= course.happens_s:
             body.thrust_factor[0] = courses.WEAK_SHARE if course.weak else 1.0
-            if at_s < courses.HAPPENS_S + 0.01 - 1e-9:
+            if at_s < course.happens_s + 0.01 - 1e-9:
                 body.rate_radps[0] += course.kick_radps * self.period_s / 0.01
         steps = round(self.period_s / SUB_STEP_S)
         force, rate = np.zeros((3, self.runs)), np.zeros((3, self.runs))
@@ -132,6 +130,12 @@ class Vehicles:
             force += body.advance(target, wind_mps, SUB_STEP_S, self._ground if course.lands else None)
             rate += body.rate_radps
         self._felt = np.degrees(rate) / steps, force / (G_MPS2 * steps)
+
+    def wind_mps(self, at_s: float | None = None) -> FloatArray:
+        """Wind at a time, None: now, earth axes, (3, runs)."""
+        happened = (self.time_s if at_s is None else at_s) >= self.course.happens_s
+        wind_mps = self._wind.velocity_mps()
+        return wind_mps + self.course.gust_mps * self._gust if happened else wind_mps
 
     def counts(self) -> npt.NDArray[np.int16]:
         """Raw counts of gyro and accelerometer now, (runs, 6)."""

@@ -1,0 +1,294 @@
+"""The loop of a flight: board, vehicle and receiver in simulated time, held back to real time.
+
+A flight begins on the ground, is recorded from its beginning once it is armed, and is over when the vehicle stands
+still again, disarmed. Then its record and the report are written, and another one may begin.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from plumb import systems
+from plumb.boards.link import LinkBoard
+from plumb.boards.native_port import NativePort
+from plumb.cockpit.arming import Reply
+from plumb.cockpit.board_run import BoardRun
+from plumb.cockpit.flight.arming import ArmingBySwitch
+from plumb.cockpit.flight.transmitter import Sticks, Transmitter
+from plumb.cockpit.hold import Hold
+from plumb.cockpit.page_orders import Order
+from plumb.cockpit.speed import Pace
+from plumb.errors import PlumbError, UsageError
+from plumb.link.selection import raw_frames_of
+from plumb.link.session import Session
+from plumb.spec import declarations
+from plumb.systems.flown import FLOWN, Event, FlownVehicle
+from plumb.tuning.quantise import quantise
+
+TURN_US = 5000
+MOST_SLEEP_S = 0.01
+STATE_EVERY_S = 0.1
+REST_S = 1.5
+"""The flight is over when the vehicle has stood still for this long."""
+WAIT_S = 120.0
+"""A flight that has not been armed for this long begins anew, so that its record does not begin with hours of rest."""
+LOST, LOST_S = "lost", 3.0
+LOST_EVENT = Event("Receiver lost", f"the receiver hears nothing for {LOST_S:g} s", LOST_S)
+NEW, HAPPEN = "run", "happen"
+ORDERS_MAX = 32
+PICTURE_S = 1.0
+"""Sticks of a page whose newest picture is older than this are not heard: nobody sees what he steers."""
+
+
+class _Vehicles:
+    """Puts the vehicle of each flight on the wires of the board."""
+
+    def __init__(self, system: str, seed: int) -> None:
+        self._flown, self._seed = systems.load(system, FLOWN), seed
+        self.vehicle: FlownVehicle = self._flown.vehicle(seed)
+
+    def attach(self, board: LinkBoard) -> None:
+        assert isinstance(board, NativePort)
+        self.vehicle = self._flown.vehicle(self._seed)
+        board.served.attach(self.vehicle)
+
+
+class FlightLoop(BoardRun):
+    """Flights of one system. Other threads call `hear`, `order` and `stop`, and read `scene`, `state` and `notes`.
+
+    paced: hold the flight back to real time; without it, it is as fast as the machine. flights: that have been armed.
+    """
+
+    def __init__(
+        self, system: str, seed: int, hold: Hold, *, folder: Path, command: str = "", paced: bool = True
+    ) -> None:
+        self._flown, self._vehicles = systems.load(system, FLOWN), _Vehicles(system, seed)
+        self.transmitter = Transmitter()
+        self.scene: dict[str, object] = {}
+        self.state: dict[str, object] = {}
+        self.flights = 0
+        self._passed_s = self._took_s = 0.0
+        self._paced = paced
+        self._orders: queue.SimpleQueue[tuple[Order, Reply]] = queue.SimpleQueue()
+        self._switch = ArmingBySwitch()
+        self._begun_s = self._stated_s = 0.0
+        self._rests_s: float | None = None
+        self._flew = self._over = self._closed = False
+        board = NativePort(system, None)
+        self._uart = board.uart
+        board.mcu.wires.uart_in_byte_ns = board.mcu.wires.uart_out_byte_ns = 0  # a loop in memory
+        board.served.radio = self.transmitter.frames
+        params = quantise(self._flown.TUNING)
+        period_us = round(params.period_s * 1e6)
+        board.session.upload(
+            params.words(), **params.link_words(), **systems.load(system).LINK, period_us=period_us, receiver=1
+        )
+        super().__init__(board, hold, folder, self._vehicles, watch=False, command=command)
+
+    # ---- called by other threads ----
+
+    def hear(self, page: int, sticks: Sticks) -> None:
+        """What a page says of its sticks; only the one that holds the vehicle is heard, and only while it sees it."""
+        if self.hold.alive(page):
+            self.transmitter.hear(sticks)
+
+    def order(self, order: Order, reply: Reply) -> None:
+        """Queue an order of a page; reply is called in another thread."""
+        if self._orders.qsize() >= ORDERS_MAX:
+            reply({"good": False, "text": "too many orders wait: try again"})
+            return
+        self._orders.put((order, reply))
+
+    def stop(self) -> None:
+        """The rotors' switch goes off, as by the page that holds the vehicle."""
+        self.transmitter.hear(Sticks())
+
+    # ---- the loop ----
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Fly until stopped() is true; the record of a flight that is on is written then."""
+        try:
+            self._begin_or_join()
+            while not stopped():
+                self.turn()
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """End the flight that is on, write its record and its report, and close the board."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._own_run:
+            self._finish()
+        self.recording.wait()
+        self._session.listener = None
+        self.board.close()
+
+    @property
+    def speed(self) -> float:
+        """Of all flights so far, as a share of real time."""
+        return self._passed_s / self._took_s if self._took_s else 1.0
+
+    def turn(self) -> None:
+        begin_s, wall_s = self._session.clock(), time.monotonic()
+        settled = begin_s - self._begun_s > self._flown.SETTLED_S
+        self._obey()
+        self._uart.pass_us(TURN_US)  # in one piece; a wait for the first frame would look at the line every 100 us
+        self._session.receive(0.0)
+        self._follow()
+        if not self._over:
+            self._fly()
+        now_s = self._session.clock()
+        self._look()
+        if now_s - self._stated_s >= STATE_EVERY_S or not self.state:
+            self._stated_s = now_s
+            self.state = self._describe()
+        if not settled:
+            return
+        if self._paced:
+            self._pace.keep(now_s, MOST_SLEEP_S)
+        self._passed_s, self._took_s = self._passed_s + now_s - begin_s, self._took_s + time.monotonic() - wall_s
+
+    def begin(self) -> None:
+        self.transmitter.begin()
+        super().begin()
+        self._switch, self._rests_s = ArmingBySwitch(), None
+        self._flew = self._over = False
+        self._begun_s = self._session.clock()
+        self._pace = Pace(self._begun_s)
+
+    def _selection(self, period_us: int) -> tuple[str, ...]:
+        return (*raw_frames_of(self._session.system), *self._flown.FRAMES)
+
+    def _open(self, session: Session) -> None:
+        super()._open(session)
+        session.consent = lambda: True  # the pilot's receiver and his switch decide, in the board
+
+    @property
+    def _armed(self) -> bool:
+        return self._capture is not None and self._capture.armed
+
+    def _fly(self) -> None:
+        """Arming, the beginning of a record, and the end of a flight."""
+        now_s = self._session.clock()
+        self._switch.follow(self._session, self.transmitter.sticks.on, self._armed)
+        if self._armed and not self._flew:
+            self._flew = True
+            self.flights += 1
+            self.recording.start(self.board, self._words)
+        if not self._flew and now_s - self._begun_s > WAIT_S:
+            self._renew_plant()
+            self.begin()
+            return
+        over = self._flew and self._vehicles.vehicle.at_rest() and not (self._armed and self.transmitter.heard)
+        self._rests_s = (self._rests_s or now_s) if over else None
+        if self._rests_s is not None and now_s - self._rests_s > REST_S:
+            self._finish()
+
+    def _finish(self) -> None:
+        """End the flight, and write its record."""
+        if self._over:
+            return
+        self._over = True
+        if self._armed:
+            self._session.disarm()
+        self._session.end()
+        self._own_run = False
+        if self._flew:
+            self.note(f"flight {self.flights} is over")
+        self.recording.stop()
+
+    # ---- orders ----
+
+    def _obey(self) -> None:
+        try:
+            order, reply = self._orders.get_nowait()
+        except queue.Empty:
+            return
+        try:
+            self._do(order)
+        except PlumbError as error:
+            reply({"good": False, "text": str(error)})
+        else:
+            reply({"good": True, "text": ""})
+
+    def _do(self, order: Order) -> None:
+        if not self.hold.held_by(order.page):
+            raise UsageError("this page does not hold the vehicle")
+        if order.verb == NEW:
+            self._finish()
+            self._renew_plant()
+            self.begin()
+        elif self._over:
+            raise UsageError("the flight is over: begin a new one")
+        elif order.name == LOST:
+            self.transmitter.silence(LOST_EVENT.seconds)
+            self.note(LOST_EVENT.text)
+        else:
+            self._vehicles.vehicle.happen(order.name)
+            self.note(self._flown.EVENTS[order.name].text)
+
+    # ---- what the pages see ----
+
+    @property
+    def events(self) -> list[dict[str, object]]:
+        """What a page has buttons for."""
+        own = self._flown.EVENTS.items()
+        return [{"name": name, "label": event.label, "text": event.text} for name, event in (*own, (LOST, LOST_EVENT))]
+
+    def _look(self) -> None:
+        seen, sticks = self._vehicles.vehicle.seen(), self.transmitter.sticks
+        newest = {} if self.samples is None else self.samples.newest()
+        estimate = [newest.get(name) for name in self._flown.ATTITUDE]
+        self.scene = {
+            "time_s": round(self._session.clock() - self._begun_s, 3),
+            "position": _rounded(seen.position_m, 4),
+            "velocity": _rounded(seen.velocity_mps, 3),
+            "attitude": _rounded(seen.attitude, 5),
+            "estimate": None if None in estimate else estimate,
+            "wind": _rounded(seen.wind_mps, 2),
+            "motors": _rounded(seen.motors, 3),
+            "sticks": [sticks.roll, sticks.pitch, sticks.yaw, sticks.throttle],
+        }
+
+    def _describe(self) -> dict[str, object]:
+        light = self._comparison.light(self._session.clock())
+        newest = {} if self.samples is None else self.samples.newest()
+        on = list(self._vehicles.vehicle.happening())
+        return {
+            "board": self.board.name,
+            "system": self._session.system,
+            "light": {"colour": light.colour, "text": light.text},
+            "armed": self._armed,
+            "why": self._switch.why,
+            "settled": self._session.clock() - self._begun_s >= self._flown.SETTLED_S,
+            "said": self._flown.said(newest),
+            "heard": self.transmitter.heard,
+            "on": self.transmitter.sticks.on,
+            "rate": self.transmitter.sticks.rate,
+            "speed": round(self._pace.speed, 2),
+            "over": self._over,
+            "run": self._runs,
+            "happening": [*on, *([LOST] if self.transmitter.silenced else [])],
+            "recording": self.recording.state,
+            "reports": [path.name for path in self.recording.reports],
+        }
+
+    def drawing(self) -> dict[str, object]:
+        """What a page needs once: how to draw the vehicle, and what may happen to it."""
+        drawing = self._flown.DRAWING
+        return {
+            "title": declarations.system(self._session.system).title,
+            "shapes": [shape.__dict__ for shape in drawing.shapes],
+            "motors": drawing.motors,
+            "hover": drawing.hover,
+            "events": self.events,
+        }
+
+
+def _rounded(values: tuple[float, ...], digits: int) -> list[float]:
+    return [round(value, digits) for value in values]

@@ -1,0 +1,193 @@
+// The page of a flight: what is shown, what is pressed, and the sticks that go to the receiver.
+
+import { byId, element, setText } from "./dom.js";
+import { Gauges } from "./gauges.js";
+import { Hands, stick } from "./hands.js";
+import { Link } from "./link.js";
+import { Scene, VIEWS } from "./scene.js";
+
+const COLOURS = ["haze", "zenith", "ground", "line", "mark", "wind", "ghost", "shade"], NOTES = 12;
+let state = null, drawing = null, scene = null, drawnAt = 0, notesShown = "", flight = null;
+
+try {
+  scene = new Scene(byId("scene"));
+} catch {
+  byId("flat").hidden = false;
+}
+
+const hands = new Hands({ send: sendSticks, did: act });
+const gauges = new Gauges((name) => link.order({ do: "happen", name }));
+const KINDS = { drawing: showDrawing, scene: showScene };
+
+class FlightLink extends Link {
+  take(data) {
+    const said = JSON.parse(data), shown = KINDS[said.type];
+    if (!shown) { super.take(data); return; }
+    this.heardAt = performance.now();
+    this.tick = said.tick ?? this.tick;
+    shown(said);
+  }
+}
+
+const link = new FlightLink(null, { heard: showState, answered: showAnswer, silent, alive: () => false });
+
+// Sticks are the page's sign of life: a hidden page sends none, and is a lost receiver.
+const flies = () => Boolean(state?.holds) && !document.hidden;
+
+function sendSticks(sticks) {
+  if (flies()) link.send({ do: "sticks", tick: link.drawnTick, ...sticks });
+}
+
+// ---- what is shown ----
+
+function trouble(said) {
+  setText(byId("trouble"), said);
+  byId("trouble").hidden = !said;
+}
+
+function silent() {
+  state = null;
+  document.querySelector("aside").inert = true;
+  trouble("plumb fly does not answer: it has ended, or hangs.");
+  byId("light").className = "off";
+  setText(byId("light-text"), "no connection");
+}
+
+function showDrawing(said) {
+  if (drawing) return;
+  drawing = said;
+  hands.hover = said.hover;
+  gauges.build(said);
+  byId("hold").hidden = !said.hover;
+  if (!scene) return;
+  paint();
+  scene.build(said);
+  scene.resize();
+}
+
+function showScene(said) {
+  if (!said.position) return;
+  hands.seen = said;
+  scene?.push(said);
+  gauges.show(said, hands);
+}
+
+function chip(id, said, kind) {
+  setText(byId(id), said);
+  byId(id).className = `chip ${kind}`;
+}
+
+function hint(said) {
+  if (said.over) return [`The flight is over and recorded${said.holds ? ". New flight: R" : ""}`, ""];
+  if (said.happening.includes("lost")) return ["The receiver hears nothing", "bad"];
+  if (said.on && said.why) return [said.why, "bad"];
+  if (!said.holds) return ["Another page flies; this one watches", ""];
+  if (!said.settled) return ["The sensors settle", ""];
+  if (!said.on) return [said.armed ? "Rotors off" : "Enter switches the rotors on", ""];
+  if (!said.armed) return ["Arming", ""];
+  return hands.seen && hands.seen.position[2] < 0.15 ? [hands.holds ? "Hold W to climb" : "W gives throttle", ""] : ["", ""];
+}
+
+function showState(said) {
+  state = said;
+  document.querySelector("aside").inert = false;
+  if (!said.light) { trouble("waiting for the flight"); return; }
+  trouble("");
+  if (said.may_control && !said.held && !document.hidden) link.order({ do: "take" });
+  chip("rate", `${Math.round(100 * said.speed)} % of real time`, said.speed < 0.9 ? "open" : "");
+  byId("rate").title = said.speed < 0.9 ? "This machine is too slow or too busy: end other programs." : "how fast the flight passes";
+  if (flight !== said.run) { flight = said.run; hands.switchRotors(false); scene?.begin(); }
+  if (said.over && hands.on) hands.switchRotors(false);
+  setText(byId("system"), said.system);
+  byId("light").className = said.light.colour;
+  setText(byId("light-text"), said.light.text);
+  chip("receiver", said.heard ? "receiver heard" : "receiver lost", said.heard ? "good" : "bad");
+  chip("armed", said.armed ? "ARMED" : "disarmed", said.armed ? "armed" : "");
+  const [text, kind] = hint(said), may = said.holds && !said.over;
+  setText(byId("hint"), text);
+  byId("hint").className = kind;
+  setText(byId("said"), said.over ? "on the ground" : said.armed ? said.said : "rotors off");
+  press("rotors", hands.on, hands.on ? "Rotors off" : "Rotors on", may);
+  press("mode", hands.rate, hands.rate ? "Rate" : "Level", may);
+  press("hold", hands.holds, "Hold height", may);
+  byId("new").disabled = !said.holds;
+  gauges.showEvents(said.happening, may);
+  setText(byId("camera"), `camera ${VIEWS[scene?.view ?? 0]}`);
+  setText(byId("gamepad"), hands.pad ? `gamepad: ${hands.pad}` : "Gamepad: press a button of it. A rotors, B mode, Y height.");
+  showLog(said);
+}
+
+function press(id, pressed, text, may) {
+  const button = byId(id);
+  button.setAttribute("aria-pressed", String(pressed));
+  button.disabled = !may;
+  setText(button, text);
+}
+
+function showLog({ notes, reports }) {
+  const key = JSON.stringify([notes.length, notes.at(-1), reports]);
+  if (key === notesShown) return;
+  notesShown = key;
+  document.querySelector("#log ol").replaceChildren(...notes.slice(-NOTES).reverse().map(([at, text]) =>
+    element("li", "", element("time", "", new Date(1000 * at).toTimeString().slice(0, 8)), text)));
+  byId("reports").replaceChildren(...reports.map((name, at) => {
+    const link = element("a", "", `report of flight ${at + 1}`);
+    link.href = `reports/${name}`;
+    link.target = "_blank";
+    return link;
+  }));
+}
+
+function showAnswer(said) {
+  if (!said.good && said.text) { setText(byId("said"), said.text); byId("said").className = "bad"; } else byId("said").className = "";
+}
+
+// ---- what is drawn ----
+
+function paint() {
+  const of = getComputedStyle(document.documentElement);
+  scene?.paint(Object.fromEntries(COLOURS.map((name) => [name, of.getPropertyValue(`--scene-${name}`).trim()])));
+}
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
+new ResizeObserver(() => scene?.resize()).observe(byId("stage"));
+
+function draw(now) {
+  requestAnimationFrame(draw);
+  const seconds = Math.min((now - drawnAt) / 1000, 0.2);
+  drawnAt = now;
+  scene?.draw(seconds);
+  link.drawn();
+}
+requestAnimationFrame(draw);
+
+// ---- what is pressed ----
+
+const ACTS = {
+  rotors: () => hands.switchRotors(!hands.on && state?.settled === true && !state.over),
+  off: () => hands.switchRotors(false),
+  mode: () => { hands.rate = !hands.rate; },
+  height: () => { hands.holds = !hands.holds; },
+  camera: () => { if (scene) scene.view = (scene.view + 1) % VIEWS.length; },
+  run: () => link.order({ do: "run" }),
+};
+const KEYS = { Enter: "rotors", Escape: "off", KeyM: "mode", KeyH: "height", KeyC: "camera", KeyR: "run" };
+
+function act(name) {
+  if (!state?.holds && name !== "camera") return;
+  ACTS[name]();
+  if (state) showState(state);
+}
+
+addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey) return;
+  if (hands.press(event.code, event.shiftKey)) { event.preventDefault(); return; }
+  if (!KEYS[event.code]) return;
+  event.preventDefault();
+  if (!event.repeat) act(KEYS[event.code]);
+}, { capture: true });
+addEventListener("keyup", (event) => hands.release(event.code, event.shiftKey), { capture: true });
+for (const [id, name] of [["rotors", "rotors"], ["mode", "mode"], ["hold", "height"], ["camera", "camera"], ["new", "run"]]) {
+  byId(id).addEventListener("click", () => act(name));
+}
+stick(byId("left"), hands, { name: "yaw", sign: -1 }, { name: "up", sign: -1 });
+stick(byId("right"), hands, { name: "roll", sign: 1 }, { name: "pitch", sign: -1 });

@@ -1,0 +1,66 @@
+// Numbers, motors, sticks and what may happen, as elements of the page.
+
+import { byId, element, setText } from "./dom.js";
+
+const DEG = Math.PI / 180, TRAVEL = 38;
+
+export class Gauges {
+  // happen: called with the name of what is to happen.
+  constructor(happen) { this.happen = happen; }
+
+  build({ motors, events }) {
+    this.motors = motors.map((name) => {
+      const bar = element("i"), value = element("output");
+      byId("motors").append(element("div", "motor", element("span", "", name), element("div", "bar", bar), value));
+      return { bar, value };
+    });
+    this.events = events.map(({ name, label, text }) => {
+      const button = element("button", "", label);
+      button.type = "button";
+      button.title = text;
+      button.dataset.event = name;
+      button.addEventListener("click", () => this.happen(name));
+      byId("events").append(button);
+      return { name, text, button };
+    });
+  }
+
+  showEvents(happening, may) {
+    if (!this.events) return;
+    for (const { name, button } of this.events) {
+      button.className = happening.includes(name) ? "on" : "";
+      button.disabled = !may;
+    }
+    setText(byId("event-text"), this.events.filter(({ name }) => happening.includes(name)).map(({ text }) => text).join("; "));
+  }
+
+  show({ position, velocity, motors, wind, attitude, estimate, sticks }, hands) {
+    const number = (value) => value.toFixed(1).replace("-0.0", "0.0").replace("-", "−");
+    setText(byId("height"), number(position[2]));
+    setText(byId("climb"), number(velocity[2]));
+    setText(byId("speed"), number(Math.hypot(velocity[0], velocity[1])));
+    setText(byId("off"), estimate ? offBy(attitude, estimate).toFixed(1) : "–");
+    setText(byId("wind"), `${number(Math.hypot(...wind))} m/s`);
+    this.motors?.forEach(({ bar, value }, at) => {
+      bar.style.transform = `scaleX(${motors[at]})`;
+      setText(value, `${Math.round(100 * motors[at])} %`);
+    });
+    const [roll, pitch, yaw, throttle] = sticks;
+    const up = hands.holds && hands.hover ? Math.min(Math.max(hands.touch.up ?? hands.keys.up, -1), 1) : 2 * throttle - 1;
+    dot("left", -yaw, up);
+    dot("right", roll, pitch);
+  }
+}
+
+function dot(id, x, y) {
+  byId(id).querySelector("i").style.transform = `translate(${TRAVEL * x}px, ${-TRAVEL * y}px)`;
+}
+
+const vertical = ([w, x, y, z]) => [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)];
+
+// Angle between the true vertical and the estimated one, in deg.
+function offBy(attitude, estimate) {
+  const [ax, ay, az] = vertical(attitude), [bx, by, bz] = vertical(estimate);
+  const cross = Math.hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx);
+  return Math.atan2(cross, ax * bx + ay * by + az * bz) / DEG;
+}

@@ -1,0 +1,114 @@
+"""A flight by sticks of a page: armed by the switch, flown by the receiver, lost, landed, recorded, replayed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from plumb import systems
+from plumb.__main__ import main
+from plumb.cockpit.flight import flight_loop
+from plumb.cockpit.flight.transmitter import Sticks
+from plumb.systems.flown import FLOWN as PART
+from support.flight_bench import PILOT, FlightBench
+
+FLOWN = systems.with_part("flown")
+pytestmark = pytest.mark.skipif(not FLOWN, reason="no declared system has flown.py")
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[FlightBench]:
+    bench = FlightBench(FLOWN[0], tmp_path)
+    yield bench
+    bench.loop.close()
+
+
+def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: FlightBench, tmp_path: Path) -> None:
+    ground_m = 0.1
+    bench.turn(6.0, on=False)
+    assert not bench.loop.state["armed"] and bench.height_m < ground_m
+    bench.turn(0.5, on=True)
+    assert bench.loop.state["armed"] and bench.loop.state["recording"]["on"]  # type: ignore[index]
+    bench.turn(1.2, on=True, throttle=0.52)
+    assert bench.height_m > 0.5 and bench.loop.state["said"] == "flown"
+    assert bench.loop.scene["estimate"] is not None
+    bench.turn(3.5, on=True, throttle=0.38)
+    assert bench.height_m < ground_m
+    bench.turn(0.5, on=False)
+    assert not bench.loop.state["armed"]
+    bench.turn(flight_loop.REST_S + 1.0, on=False)
+    assert bench.loop.state["over"] and bench.loop.state["light"]["colour"] != "red"  # type: ignore[index]
+    bench.loop.recording.wait()
+    (log,), (report,) = tmp_path.glob("*.plog"), bench.loop.reports
+    assert report.parent == tmp_path and report.stat().st_size > 0
+    assert main(["replay", str(log), "--board", "native"]) == 0
+
+
+def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: FlightBench) -> None:
+    bench.arm()
+    bench.turn(1.1, on=True, throttle=0.5)
+    assert bench.height_m > 0.2
+    said = set()
+    bench.wall_s = 60.0
+    for _ in range(200):
+        bench.turn(0.1)
+        said.add(str(bench.loop.state["said"]))
+        if bench.loop.state["over"]:
+            break
+    assert {"no receiver: held level", "no receiver: landing"} <= said
+    assert bench.loop.state["heard"] is False and bench.height_m < 0.1
+    assert bench.loop.state["over"], "nobody speaks, and the vehicle stands on the ground"
+
+
+def test_only_the_page_that_holds_the_vehicle_is_heard(bench: FlightBench) -> None:
+    bench.loop.hear(PILOT + 1, Sticks(roll=1.0, on=True))
+    bench.turn(0.1)
+    assert not bench.loop.state["heard"]
+    assert "does not hold" in str(bench.order("run", page=PILOT + 1)["text"])
+
+
+def test_what_happens_is_seen_and_ends(bench: FlightBench) -> None:
+    bench.arm()
+    for event in systems.load(FLOWN[0], PART).EVENTS:
+        assert bench.order("happen", event)["good"]
+        bench.turn(0.15, on=True)
+        assert event in bench.loop.state["happening"]  # type: ignore[operator]
+    assert bench.order("happen", flight_loop.LOST)["good"]
+    bench.turn(0.15, on=True)
+    assert flight_loop.LOST in bench.loop.state["happening"] and not bench.loop.state["heard"]  # type: ignore[operator]
+
+
+def test_a_new_flight_ends_the_one_that_is_on_and_begins_on_the_ground(bench: FlightBench, tmp_path: Path) -> None:
+    bench.arm()
+    bench.turn(1.0, on=True, throttle=0.55)
+    assert bench.height_m > 0.3
+    assert bench.order("run")["good"]
+    bench.turn(0.2, on=False)
+    assert bench.height_m < 0.1 and not bench.loop.state["armed"] and not bench.loop.state["over"]
+    bench.arm()
+    bench.loop.close()
+    assert bench.loop.flights == 2 and len(list(tmp_path.glob("*.plog"))) == 2
+
+
+def test_a_stop_switches_the_rotors_off(bench: FlightBench) -> None:
+    bench.arm()
+    bench.loop.stop()
+    bench.turn(0.3)
+    assert not bench.loop.state["armed"]
+
+
+def test_a_throttle_that_is_not_low_arms_nothing_and_the_page_hears_why(bench: FlightBench) -> None:
+    bench.turn(6.0, on=False)
+    bench.turn(1.0, on=True, throttle=0.5)
+    assert not bench.loop.state["armed"] and bench.loop.state["why"]
+    assert bench.height_m < 0.1
+
+
+def test_a_vehicle_that_waits_begins_anew_so_that_its_record_is_short(
+    bench: FlightBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(flight_loop, "WAIT_S", 2.0)
+    bench.turn(3.0, on=False)
+    assert bench.loop.state["run"] == 2 and bench.loop.flights == 0

@@ -1,0 +1,154 @@
+"""The page of a flight in a real browser: flown by a scripted gamepad, by keys, and left alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from plumb import systems
+from plumb.cockpit.flight import transmitter
+from plumb.cockpit.flight.flight_loop import FlightLoop
+from plumb.cockpit.flight.flight_page import ASSETS
+from plumb.cockpit.hold import Hold
+from plumb.cockpit.page_server import PageServer
+from support.chromium import Chromium, Page
+from support.flight_bench import flying
+
+FLOWN = systems.with_part("flown")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not FLOWN, reason="no declared system has flown.py")]
+PATIENT_S = 5.0
+"""Silence of these tests: a machine that is busy may leave a page waiting for longer than a pilot's receiver does."""
+HINT = "document.getElementById('hint').textContent"
+READY = f"{HINT}.includes('Enter')"
+ARMED = "document.getElementById('armed').textContent === 'ARMED'"
+DISARMED = "document.getElementById('armed').textContent === 'disarmed'"
+HEIGHT = "Number(document.getElementById('height').textContent)"
+SAID = "document.getElementById('said').textContent"
+LOST = "document.getElementById('receiver').textContent === 'receiver lost'"
+PAD = """
+  window.pad = { id: "scripted", connected: true, axes: [0, 0, 0, 0],
+    buttons: Array.from({ length: 12 }, () => ({ pressed: false })) };
+  navigator.getGamepads = () => [window.pad];
+"""
+
+
+@pytest.fixture
+def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FlightLoop:
+    monkeypatch.setattr(transmitter, "LOST_S", PATIENT_S)
+    return FlightLoop(FLOWN[0], 1000, Hold(2 * PATIENT_S), folder=tmp_path)
+
+
+@pytest.fixture
+def server(loop: FlightLoop) -> Iterator[PageServer]:
+    with flying(loop) as server:
+        yield server
+
+
+@pytest.fixture
+def chromium() -> Iterator[Chromium]:
+    with Chromium() as chromium:
+        yield chromium
+
+
+def opened(chromium: Chromium, address: str) -> Page:
+    """The page, small: what draws without a GPU leaves little time to the flight."""
+    page = chromium.open(address)
+    page.call("Emulation.setDeviceMetricsOverride", width=420, height=360, deviceScaleFactor=1, mobile=False)
+    return page
+
+
+def push(page: Page, button: int) -> None:
+    for pressed in ("true", "false"):
+        page.value(f"pad.buttons[{button}].pressed = {pressed}; new Promise((then) => setTimeout(then, 120))")
+
+
+def key(page: Page, kind: str, code: str) -> None:
+    page.call("Input.dispatchKeyEvent", type=kind, code=code, key=code)
+
+
+def test_a_gamepad_takes_off_hovers_turns_and_lands_and_the_report_is_there(
+    server: PageServer, loop: FlightLoop, chromium: Chromium
+) -> None:
+    page, viewer = opened(chromium, server.control_address), opened(chromium, server.watch_address)
+    page.until(READY)
+    page.value(PAD)
+    push(page, 0)
+    page.until(ARMED)
+    viewer.until(f"{ARMED} && {HINT}.includes('watches')")
+    page.value("pad.axes[1] = -1")
+    page.until(f"{HEIGHT} > 1")
+    page.value("pad.axes[1] = 0; pad.axes[0] = 1")
+    page.until(f"{SAID} === 'flown' && document.getElementById('light').className === 'green'")
+    assert page.value(HEIGHT) > 0.5  # type: ignore[operator]
+    assert page.value("document.getElementById('flat').hidden"), "the scene is drawn"
+    page.value("pad.axes[0] = 0; pad.axes[1] = 1")
+    page.until(f"{HEIGHT} < 0.2")
+    push(page, 0)
+    page.until(f"{HINT}.includes('over')")
+    page.until("document.querySelector('#reports a') !== null")
+    report = str(page.value("document.querySelector('#reports a').href"))
+    assert "flown" not in report and page.value(f"fetch({json.dumps(report)}).then((answer) => answer.text())")
+    assert loop.flights == 1 and loop.state["light"]["colour"] != "red"  # type: ignore[index]
+
+
+def test_keys_fly_and_the_buttons_let_it_happen(server: PageServer, chromium: Chromium) -> None:
+    page = opened(chromium, server.control_address)
+    page.until(READY)
+    key(page, "keyDown", "Enter")
+    page.until(ARMED)
+    key(page, "keyDown", "KeyW")
+    page.until(f"{HEIGHT} > 0.8")
+    key(page, "keyUp", "KeyW")
+    page.click("[data-event=lost]")
+    page.until("document.getElementById('log').textContent.includes('the receiver hears nothing')")
+    key(page, "keyDown", "Escape")
+    page.until(DISARMED)
+
+
+def in_the_air(page: Page) -> None:
+    page.until(READY)
+    key(page, "keyDown", "Enter")
+    page.until(ARMED)
+    key(page, "keyDown", "KeyW")
+    page.until(f"{HEIGHT} > 0.8")
+    key(page, "keyUp", "KeyW")
+
+
+def test_a_browser_that_is_killed_is_a_lost_receiver(
+    server: PageServer, loop: FlightLoop, chromium: Chromium, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_the_air(opened(chromium, server.control_address))
+    monkeypatch.setattr(transmitter, "LOST_S", 0.1)
+    chromium.kill()
+    with Chromium() as another:
+        viewer = opened(another, server.watch_address)
+        viewer.until(LOST)
+        viewer.until(f"{HINT}.includes('over')")
+        viewer.until("document.querySelector('#reports a') !== null")
+    assert not loop.transmitter.heard
+
+
+def test_a_page_that_is_hidden_is_a_lost_receiver(
+    server: PageServer, chromium: Chromium, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page, viewer = opened(chromium, server.control_address), opened(chromium, server.watch_address)
+    in_the_air(page)
+    monkeypatch.setattr(transmitter, "LOST_S", 0.1)
+    page.value("Object.defineProperty(document, 'hidden', { get: () => true, configurable: true }); 1")
+    viewer.until(LOST)
+
+
+def test_the_page_is_made_of_its_files_and_fetches_nothing() -> None:
+    from plumb.cockpit import page_server
+
+    folder = Path(page_server.__file__).parent / "page"
+    assert all((folder / name).is_file() for name, _ in ASSETS.values())
+    own = {path.name for path in (folder / "fly").iterdir()} - {"ogl.LICENSE"}
+    assert own == {name.removeprefix("fly/") for name, _ in ASSETS.values() if name.startswith("fly/")}
+    assert (folder / "fly" / "ogl.LICENSE").read_text(encoding="utf-8").startswith("OGL")
+    for name in own - {"ogl.min.js"}:
+        text = (folder / "fly" / name).read_text(encoding="utf-8")
+        assert "http:" not in text and "https:" not in text and "//" not in text.replace("// ", "").replace("ws://", "")

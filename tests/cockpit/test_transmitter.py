@@ -1,0 +1,51 @@
+"""The pilot's transmitter: sticks of a page as frames of CRSF, and silence."""
+
+from __future__ import annotations
+
+import pytest
+
+from plumb.cockpit.flight import transmitter
+from plumb.cockpit.flight.transmitter import Sticks, Transmitter
+from support.receiver_twin import by_twin
+
+
+class Wall:
+    now_s = 0.0
+
+
+def frames_of(radio: Transmitter, begin_ms: int, end_ms: int) -> bytes:
+    return b"".join(radio.frames(ms * 1e-3) for ms in range(begin_ms, end_ms))
+
+
+def test_the_receiver_hears_150_frames_a_second_with_the_newest_sticks() -> None:
+    radio = Transmitter(lambda: 0.0)
+    radio.hear(Sticks(roll=1.0, yaw=-1.0, throttle=0.5, on=True))
+    rows = by_twin(frames_of(radio, 0, 1000))
+    assert len(rows) == 150
+    throttle, roll, pitch, yaw, switches, number = rows[-1].words
+    assert (roll, pitch, yaw, switches, number) == (32767, 0, -32767, 1, 150)
+    assert throttle == pytest.approx(32767 / 2, abs=20)
+
+
+def test_a_page_that_falls_silent_is_a_lost_receiver() -> None:
+    wall = Wall()
+    radio = Transmitter(lambda: wall.now_s)
+    assert not radio.heard and not frames_of(radio, 0, 100), "before a page has spoken"
+    radio.hear(Sticks(on=True))
+    wall.now_s = transmitter.LOST_S
+    assert radio.heard and frames_of(radio, 100, 200)
+    wall.now_s = transmitter.LOST_S + 1e-3
+    assert not radio.heard and not frames_of(radio, 200, 300)
+    assert radio.sticks.on, "the receiver keeps what it heard last"
+    radio.hear(Sticks())
+    assert radio.heard and frames_of(radio, 300, 400)
+    assert not radio.sticks.on
+
+
+def test_silence_on_request_ends_by_itself() -> None:
+    radio = Transmitter(lambda: 0.0)
+    radio.hear(Sticks())
+    assert frames_of(radio, 0, 100)
+    radio.silence(0.2)
+    assert radio.silenced and not frames_of(radio, 100, 290)
+    assert frames_of(radio, 290, 400) and not radio.silenced

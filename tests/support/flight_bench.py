@@ -1,0 +1,70 @@
+"""A flight for tests: its loop turned by hand as fast as the machine is, or served in a thread."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+from plumb.cockpit.arming import Answer
+from plumb.cockpit.flight.flight_loop import FlightLoop
+from plumb.cockpit.flight.flight_page import ASSETS, FlightPage
+from plumb.cockpit.flight.transmitter import Sticks
+from plumb.cockpit.hold import Hold
+from plumb.cockpit.page_orders import Order
+from plumb.cockpit.page_server import PageServer
+
+PILOT = 1
+
+
+class FlightBench:
+    """wall_s: the clock of the transmitter, which the test alone moves."""
+
+    def __init__(self, system: str, folder: Path) -> None:
+        self.wall_s = 0.0
+        self.loop = FlightLoop(system, 1000, Hold(clock=lambda: 0.0), folder=folder, paced=False)
+        self.loop.transmitter._clock = lambda: self.wall_s
+        self.loop.hold.take(PILOT)
+        self.loop._begin_or_join()
+
+    def turn(self, seconds: float, **sticks: float | bool) -> None:
+        """Let time of the flight pass with these sticks; without any the pilot says nothing."""
+        if sticks:
+            self.loop.hear(PILOT, Sticks(**sticks))  # type: ignore[arg-type]
+        end_s = self.loop._session.clock() + seconds
+        while self.loop._session.clock() < end_s:
+            self.loop.turn()
+
+    def order(self, verb: str, name: str = "", page: int = PILOT) -> Answer:
+        answers: list[Answer] = []
+        self.loop.order(Order(verb, page, name=name), answers.append)
+        self.loop.turn()
+        return answers[0]
+
+    def arm(self) -> None:
+        """Wait until the sensors have settled, and switch the rotors on."""
+        self.turn(6.0, on=False)
+        self.turn(0.5, on=True)
+        assert self.loop.state["armed"], self.loop.state
+
+    @property
+    def height_m(self) -> float:
+        position = self.loop.scene["position"]
+        assert isinstance(position, list)
+        return float(position[2])
+
+
+@contextlib.contextmanager
+def flying(loop: FlightLoop) -> Iterator[PageServer]:
+    """Its page, while the loop runs in a thread."""
+    ended = threading.Event()
+    thread = threading.Thread(target=loop.run, args=(ended.is_set,))
+    with PageServer(loop, assets=ASSETS, opened=functools.partial(FlightPage, loop)) as server:
+        thread.start()
+        try:
+            yield server
+        finally:
+            ended.set()
+            thread.join()
