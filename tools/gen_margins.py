@@ -19,7 +19,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from plumb import systems
-from plumb.analyses.identification import loop_test, pid_tuning, plant_fit
+from plumb.analyses.identification import loop_test, pid_tuning, plant_fit, tested_loop
 from plumb.analyses.identification.pid_design import Wanted
 from plumb.boards.virtual import VirtualBoard
 from plumb.proof import loop_figures
@@ -43,11 +43,11 @@ def identify(system: str) -> Mapping[str, Margins]:
         with VirtualBoard() as board:
             return systems.load(system, loop_figures.SWEEP).margins_on(board)
     (loop,) = loop_figures.identified(system)
-    settings = systems.load(system).TUNINGS[tuning_for(systems.load(system), loop_test.SCENARIO)]
+    settings = systems.load(system).TUNINGS[tuning_for(systems.load(system), tested_loop.SCENARIO)]
     params, excited = quantise(settings), plant_fit.excitation(settings.period_s, AMPLITUDE_DEG)
     with VirtualBoard() as board:
         loop_test.attach_plant(board, params, excited, PERIODS, SEED)
-        run = loop_test.on_link(board, params, excited, PERIODS, loop_test.SIMULATED_SETTLE_S)
+        run = loop_test.on_link(board, params, excited, PERIODS, loop_test.linked_loop(params).settle_s)
     return {loop: pid_tuning.tune(run, Wanted(), design=False).before}
 
 

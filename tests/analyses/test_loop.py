@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumb.analyses.identification import loop_test, pid_design, pid_tuning, plant_fit
+from plumb.analyses.identification import loop_test, pid_design, pid_tuning, plant_fit, tested_loop
 from plumb.analyses.identification.pid_design import Wanted
 from plumb.boards.native import NativeBoard
 from plumb.errors import LinkError, UsageError
@@ -137,7 +137,8 @@ def test_gains_have_the_margins_and_the_loop_shows_them(tested: loop_test.LoopRu
     wanted = Wanted(35.0, 6.0, 0.02)
     tuning = pid_tuning.tune(tested, wanted)
     assert tuning.before.phase_deg < 25.0 and not tuning.refusal()
-    true = Loop(TRUE, Controller(TUNING, tuning.r_deg2)).margins(tuning.design.pid)
+    assert isinstance(tuning.loop.controller, Controller)
+    true = Loop(TRUE, Controller(TUNING, tuning.loop.controller.r_deg2)).margins(tuning.design.gains)
     assert true.stable and true.phase_deg > 32.0 and true.gain_db > 5.5 and true.delay_s > 0.018
     assert set(tuning.faster) == {10_000, 5_000} and all(one.met for one in tuning.faster.values())
     assert tuning.faster[5_000].rejection_db < 0.0  # against the gains for 20 ms
@@ -145,7 +146,7 @@ def test_gains_have_the_margins_and_the_loop_shows_them(tested: loop_test.LoopRu
 
 def test_margins_that_no_gains_have_are_refused(tested: loop_test.LoopRun) -> None:
     loop = Loop(replace(TRUE, delay_s=0.2), Controller(TUNING, 0.5))
-    assert not pid_design.design(loop, TUNING.pid, Wanted(75.0, 12.0, 0.3)).met
+    assert not pid_design.design(loop, TUNING.pid, Wanted(75.0, 12.0, 0.3), pid_design.PidSearch()).met
 
 
 def test_a_test_that_saturates_or_says_nothing_is_refused(tested: loop_test.LoopRun) -> None:
@@ -163,7 +164,7 @@ def test_a_test_that_saturates_or_says_nothing_is_refused(tested: loop_test.Loop
 
 def test_a_system_that_holds_no_tilt_is_refused() -> None:
     with pytest.raises(UsageError, match="balancer holds no tilt"):
-        loop_test.attitude_tuning(quantise(balancer.TUNINGS[balancer.DEFAULT_TUNING]))
+        tested_loop.loop_of(quantise(balancer.TUNINGS[balancer.DEFAULT_TUNING]))
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@
     plumb tune filter today.plog --tuning constant
     plumb tune pid --board native --out out/pid        test quad's loop with its plant, and gains with margins
     plumb tune pid --board native --test step --phase-deg 40
+    plumb tune pid --board native --system quadrotor --loop pitch --phase-deg 45 --gain-db 8 --delay-ms 30
     plumb tune pid --board serial:/dev/ttyUSB0 --arm-and-move
 
 RECORDING is .npz or .csv as for `plumb replay`, or a log of `plumb record`. No command changes the parameters of a
@@ -24,8 +25,9 @@ or the board cannot hold them.
 `pid` swings the setpoint of a closed attitude loop by a sum of sines, or steps it up and down every 2 s (--test step),
 fits a plant with lag and delay to what the tilt rate does, and works out gains with the wanted margins of phase, gain
 and delay. On `native` and `virtual` the system's plant is simulated, and the test is made again with the new gains. On
-a board behind a link it arms the board and moves the machine: only with --arm-and-move. Exit code 1 when no gains have
-the margins.
+a board behind a link it arms the board and moves the machine: only with --arm-and-move. Of a vehicle in the air the
+stick of an axis swings, in lockstep with the simulated vehicle alone; the margins are those of rate and vertical
+together, and of the rate without the vertical. Exit code 1 when no gains have the margins.
 """
 
 from __future__ import annotations
@@ -75,6 +77,9 @@ def add_pid(pid: argparse.ArgumentParser) -> None:
     options.add_link_and_image(pid)
     options.add_system(pid, "simulated system (default: that of `plumb demo`)")
     options.add_tuning(pid)
+    pid.add_argument(
+        "--loop", metavar="AXIS", help="of a system with several loops: roll or pitch (default: the first)"
+    )
     pid.add_argument("--period-us", type=int, metavar="US", help="period of the simulated system (default: its own)")
     options.add_seed(pid, "the plant")
     pid.add_argument("--live", action="store_true", help="`virtual` samples its own sensors, armed, as a machine does")
@@ -250,9 +255,9 @@ def require_consent(arguments: argparse.Namespace) -> None:
     from plumb.analyses.identification.plant_fit import REPEAT_S
     from plumb.errors import UsageError
 
-    if arguments.system or arguments.tuning or arguments.period_us or arguments.live:
+    if arguments.system or arguments.tuning or arguments.period_us or arguments.live or arguments.loop:
         raise UsageError(
-            "--system, --tuning, --period-us and --live are for native and virtual; a board is tested as it is"
+            "--system, --tuning, --period-us, --live and --loop are for native and virtual; a board is tested as it is"
         )
     if not arguments.arm_and_move:
         seconds = BOARD_SETTLE_S + (arguments.periods + 1) * REPEAT_S
@@ -267,7 +272,7 @@ def simulated_test(arguments: argparse.Namespace, board: Board, params: ControlP
     from dataclasses import replace
 
     from plumb import systems
-    from plumb.analyses.identification import chosen_settings, loop_test, plant_fit
+    from plumb.analyses.identification import chosen_settings, loop_test, plant_fit, tested_loop
     from plumb.boards.link import LinkBoard
     from plumb.errors import UsageError
     from plumb.systems.contracts import tuning_for
@@ -277,18 +282,18 @@ def simulated_test(arguments: argparse.Namespace, board: Board, params: ControlP
         raise UsageError("--live is for --board virtual: its plant is on the pins of the simulated chip")
     if params is None:
         system = arguments.system or systems.default_for("demo")
-        named = arguments.tuning or tuning_for(systems.load(system), loop_test.SCENARIO)
+        named = arguments.tuning or tuning_for(systems.load(system), tested_loop.SCENARIO)
         tuning = chosen_settings.named_tuning(system, named)[1]
         if arguments.period_us is not None:
             tuning = replace(tuning, period_us=arguments.period_us)
         params = quantise(tuning)
-    settings = loop_test.attitude_tuning(params)
-    excited = plant_fit.excitation(settings.period_s, arguments.amplitude, arguments.test)
+    settings = tested_loop.loop_of(params, arguments.loop)
+    excited = plant_fit.excitation(settings.tuning.period_s, arguments.amplitude, arguments.test)
     if not arguments.live:
-        return loop_test.on_twin(board, params, excited, arguments.periods, arguments.seed)
+        return loop_test.on_twin(board, params, excited, arguments.periods, arguments.seed, arguments.loop)
     assert isinstance(board, LinkBoard)
     loop_test.attach_plant(board, params, excited, arguments.periods, arguments.seed)
-    return loop_test.on_link(board, params, excited, arguments.periods, loop_test.SIMULATED_SETTLE_S)
+    return loop_test.on_link(board, params, excited, arguments.periods, settings.settle_s)
 
 
 def machine_test(arguments: argparse.Namespace, board: Board) -> LoopRun:
@@ -303,8 +308,7 @@ def machine_test(arguments: argparse.Namespace, board: Board) -> LoopRun:
     if not isinstance(board, LinkBoard):
         raise UsageError(f"{arguments.board} closes no loop: give native, {options.LINKED_BOARD}")
     params = control_of(by_name(parameter_table.read_table(board.session)))
-    settings = loop_test.attitude_tuning(params)
-    excited = plant_fit.excitation(settings.period_s, arguments.amplitude, arguments.test)
+    excited = plant_fit.excitation(loop_test.linked_loop(params).tuning.period_s, arguments.amplitude, arguments.test)
     return loop_test.on_link(board, params, excited, arguments.periods, loop_test.BOARD_SETTLE_S)
 
 

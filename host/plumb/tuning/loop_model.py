@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,8 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import AxisTuning, Pid
 
 Response = npt.NDArray[np.complex128]
+G = TypeVar("G")
+G_contra = TypeVar("G_contra", contravariant=True)
 ALIASES = 4
 GRID_POINTS = 600
 LOWEST_HZ = 0.02
@@ -54,12 +57,29 @@ class PlantModel:
         return rate, tilt
 
 
+class LoopController(Protocol[G_contra]):
+    """Estimator and controller as they are sampled, for gains of one kind."""
+
+    @property
+    def period_s(self) -> float: ...
+
+    def estimate(self, hz: FloatArray, rate: Response, tilt: Response, /) -> tuple[Response, Response]:
+        """Tilt and rate as the controller has them, of these samples of rate and tilt."""
+
+    def command(self, hz: FloatArray, estimated: Response, corrected: Response, gains: G_contra, /) -> Response:
+        """Minus the command that the controller makes of them at setpoint 0."""
+
+
 @dataclass(frozen=True)
 class Controller:
     """Filter and PID of a one-axis tuning at its steady gains. r_deg2: R of the measurement, as it is on average."""
 
     tuning: AxisTuning
     r_deg2: float
+
+    @property
+    def period_s(self) -> float:
+        return self.tuning.period_s
 
     def steady_gains(self) -> tuple[float, float]:
         """K of tilt and bias after many steps with this R."""
@@ -118,28 +138,29 @@ class Margins:
     peak: float
 
 
-class Loop:
+class Loop(Generic[G]):
     """A plant under a controller: the loop broken at the command. hz: a logarithmic grid up to half the step rate."""
 
-    def __init__(self, plant: PlantModel, controller: Controller, hz: FloatArray | None = None) -> None:
-        period_s = controller.tuning.period_s
+    def __init__(self, plant: PlantModel, controller: LoopController[G], hz: FloatArray | None = None) -> None:
+        period_s = controller.period_s
         self.hz: FloatArray = np.geomspace(LOWEST_HZ, 0.499 / period_s, GRID_POINTS) if hz is None else hz
         self.controller, self._plant = controller, plant
         self.rate, self.tilt = plant.sampled(self.hz, period_s)
         self._estimated, self._corrected = controller.estimate(self.hz, self.rate, self.tilt)
 
-    def gain(self, pid: Pid) -> Response:
-        """The loop gain with these gains of the PID."""
-        return self.controller.command(self.hz, self._estimated, self._corrected, pid)
+    def gain(self, gains: G) -> Response:
+        """The loop gain with these gains of the controller."""
+        return self.controller.command(self.hz, self._estimated, self._corrected, gains)
 
-    def closed(self, hz: FloatArray, pid: Pid) -> Response:
+    def closed(self, hz: FloatArray, gains: G) -> Response:
         """Response of the tilt to the setpoint, at any frequencies above 0."""
         there = Loop(self._plant, self.controller, hz)
-        straight = self.controller.command(hz, np.ones(len(hz), np.complex128), np.zeros(len(hz), np.complex128), pid)
-        return np.asarray(there.tilt * straight / (1.0 + there.gain(pid)))
+        ones, zeros = np.ones(len(hz), np.complex128), np.zeros(len(hz), np.complex128)
+        straight = self.controller.command(hz, ones, zeros, gains)
+        return np.asarray(there.tilt * straight / (1.0 + there.gain(gains)))
 
-    def margins(self, pid: Pid) -> Margins:
-        return margins(self.hz, self.gain(pid))
+    def margins(self, gains: G) -> Margins:
+        return margins(self.hz, self.gain(gains))
 
 
 def margins(hz: FloatArray, loop: Response) -> Margins:

@@ -12,6 +12,7 @@ import numpy as np
 
 from plumb import systems
 from plumb.analyses.identification.plant_fit import Excitation, Measurement
+from plumb.analyses.identification.tested_loop import Gains, TestedLoop, loop_of
 from plumb.boards import plant_on_pins
 from plumb.boards.contract import Board, RawCounts, Setpoints, SimulatedBoard
 from plumb.boards.link import LinkBoard
@@ -26,22 +27,18 @@ from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.signal_units import word_signals
 from plumb.spec.signals import signals
-from plumb.spec.tuning import AxisTuning
 from plumb.systems import run_fixed
 from plumb.systems.contracts import PINS
-from plumb.tuning.quantise import ControlParams, dequantise
+from plumb.tuning.quantise import ControlParams
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-TURN_Q32 = 2.0**32
-SCENARIO = "hold"
-"""The scenario of the simulated plant: attitude hold with gusts, imbalance and the sensors' errors."""
-SIMULATED_SETTLE_S, BOARD_SETTLE_S = 16.0, 3.0
-"""Before the test signal begins. The simulated axis is held by hand, pulled and let go first."""
+BOARD_SETTLE_S = 3.0
+"""Before the test signal of a real machine begins."""
 TILT_LIMIT_DEG = 45.0
 """A real machine that tilts further is disarmed."""
-COMMAND, TILT = "command", "tilt_deg"
+TILT = "tilt_deg"
 READY_WAIT_S = 5.0
 """Longest wait for a machine that is not ready to be armed, the same as for the arm switch."""
 STANDSTILL_S = 0.5
@@ -60,6 +57,7 @@ class LoopRun:
     the first whole period of the test signal. truth_deg: of the simulated tilt, empty on a real machine."""
 
     params: ControlParams
+    tested: TestedLoop[Gains]
     excitation: Excitation
     raw: RawCounts
     setpoint: Setpoints
@@ -80,66 +78,69 @@ class LoopRun:
         samples = len(self.excitation.setpoint_deg)
         periods = (len(self.raw) - self.begin) // samples
         used = slice(self.begin, self.begin + periods * samples)
-        command = signals[COMMAND][used]
-        if float(np.mean(np.abs(command) > 0.98)) > MOST_LIMITED:
+        if float(np.mean(self.tested.limited(signals)[used])) > MOST_LIMITED:
             raise UsageError("the command reaches its limit in the test: give a smaller --amplitude")
+        command, rate = self.tested.signals
         return Measurement(
             self.excitation,
-            (self.setpoint[used] / TURN_Q32 * 360.0).reshape(periods, samples),
-            command.reshape(periods, samples),
-            signals["rate_dps"][used].reshape(periods, samples),
+            self.tested.asked_deg(self.raw, self.setpoint)[used].reshape(periods, samples),
+            signals[command][used].reshape(periods, samples),
+            signals[rate][used].reshape(periods, samples),
         )
 
 
-def attitude_tuning(params: ControlParams) -> AxisTuning:
-    """The tuning of a one-axis system whose setpoint is a tilt; raises UsageError for another."""
-    system = declarations.system(params.system)
-    tuning = dequantise(params)
-    setpoint = next(word for word in system.words if word.name == "setpoint" or word.name.startswith("setpoint_"))
-    if not isinstance(tuning, AxisTuning) or setpoint.unit != "turn" or not system.output:
-        raise UsageError(f"{params.system} holds no tilt that a host sets: its loop cannot be tested so")
-    return tuning
-
-
-def schedule(excited: Excitation, settle_s: float, periods: int) -> tuple[Setpoints, int]:
-    """Setpoints of a test in the integers of the board, and the first step of its first whole period: one more comes
-    before, in which the loop settles into the signal."""
+def schedule(excited: Excitation, settle_s: float, periods: int) -> tuple[FloatArray, int]:
+    """What a test asks for in every step, in deg, and the first step of its first whole period: one more comes before,
+    in which the loop settles into the signal."""
     still = round(settle_s / excited.period_s)
     signal_deg = np.concatenate([np.zeros(still), np.tile(excited.setpoint_deg, periods + 1)])
-    turns = np.rint(signal_deg / 360.0 * TURN_Q32).astype(np.int64).astype(np.int32)
-    return turns, still + len(excited.setpoint_deg)
+    return signal_deg, still + len(excited.setpoint_deg)
 
 
-def on_twin(board: Board, params: ControlParams, excited: Excitation, periods: int, seed: int) -> LoopRun:
+def on_twin(
+    board: Board, params: ControlParams, excited: Excitation, periods: int, seed: int, axis: str | None = None
+) -> LoopRun:
     """In lockstep with the system's plant on the host."""
     from tqdm import tqdm
 
-    system = systems.load(params.system)
-    setpoint, begin = schedule(excited, SIMULATED_SETTLE_S, periods)
-    seconds, period_us = len(setpoint) * excited.period_s, round(excited.period_s * 1e6)
-    plant = system.plant(system.scenario(SCENARIO, seed, seconds=seconds, period_us=period_us))
-    raw, truth_deg = np.zeros((len(setpoint), 6), np.int16), np.zeros(len(setpoint))
+    tested = loop_of(params, axis)
+    asked, begin = schedule(excited, tested.settle_s, periods)
+    inputs = declarations.system(params.system).inputs
+    plant = tested.plant(seed, len(asked) * excited.period_s)
+    raw, setpoint = np.zeros((len(asked), max(inputs, 6)), np.int16), np.zeros(len(asked), np.int32)
+    truth_deg = np.zeros(len(asked))
     stepper = board.stepper(params)
     outputs: dict[str, int] = {}
-    steps = tqdm(enumerate(setpoint.tolist()), total=len(setpoint), desc="test", unit="step", disable=None, leave=False)
-    for step, asked in steps:
+    steps = tqdm(enumerate(asked.tolist()), total=len(asked), desc="test", unit="step", disable=None, leave=False)
+    for step, asked_deg in steps:
         time_s = step * excited.period_s
         plant.follow(time_s, outputs)
-        raw[step] = plant.counts(time_s)
-        truth_deg[step] = plant.truth(time_s)["tilt_deg"]
-        outputs = stepper.step(tuple(raw[step].tolist()), asked).outputs
-    return LoopRun(params, excited, raw, setpoint, begin, truth_deg)
+        counts, setpoint[step] = tested.inputs(plant.counts(time_s), plant.setpoint(time_s), asked_deg)
+        raw[step] = counts
+        truth_deg[step] = tested.tilt_deg(plant.truth(time_s))
+        outputs = stepper.step(tuple(raw[step].tolist()), int(setpoint[step])).outputs
+    return LoopRun(params, tested, excited, raw, setpoint, begin, truth_deg)
+
+
+def linked_loop(params: ControlParams) -> TestedLoop[Gains]:
+    """The loop of a test in real time; raises UsageError for one that is tested in lockstep alone."""
+    tested = loop_of(params)
+    if not tested.on_link:
+        raise UsageError(
+            f"{params.system} is tested in lockstep, on its simulated plant: give --board native, or virtual without "
+            "--live"
+        )
+    return tested
 
 
 def attach_plant(board: LinkBoard, params: ControlParams, excited: Excitation, periods: int, seed: int) -> None:
     """Put the system's plant on the pins of the simulated chip, and give the board the parameters of the test."""
     assert isinstance(board, SimulatedBoard)
-    system = systems.load(params.system)
-    setpoint, _ = schedule(excited, SIMULATED_SETTLE_S, periods)
-    seconds, period_us = len(setpoint) * excited.period_s, round(excited.period_s * 1e6)
-    scenario = system.scenario(SCENARIO, seed, seconds=seconds + 2.0, period_us=period_us)
+    system, tested = systems.load(params.system), linked_loop(params)
+    asked, _ = schedule(excited, tested.settle_s, periods)
+    seconds, period_us = len(asked) * excited.period_s, round(excited.period_s * 1e6)
     plant_on_pins.configure_as(board, params, period_us=period_us, arm_hold_ms=0, **system.LINK)
-    systems.load(params.system, PINS).Coupling(board.machine, system.plant(scenario))
+    systems.load(params.system, PINS).Coupling(board.machine, tested.plant(seed, seconds + 2.0))
     board.machine.advance_us(plant_on_pins.FOUND_US)
 
 
@@ -149,10 +150,11 @@ def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, period
     Raises LinkError when the board disarms itself, tilts beyond TILT_LIMIT_DEG, falls silent, is slower than real time,
     loses counts, or disagrees with the integer model.
     """
-    session = board.session
+    session, tested = board.session, linked_loop(params)
     frames = systems.load(params.system, PINS).FRAMES
     capture = Capture(session, raw_frames=set(RAW_FRAMES).intersection(frames))
-    setpoint, begin = schedule(excited, settle_s, periods)
+    asked, begin = schedule(excited, settle_s, periods)
+    setpoint = np.array([tested.inputs((), 0, one)[1] for one in asked.tolist()], np.int32)
     tilt = next((at, scale) for at, column, scale in signals(session.system) if column == TILT)
     bar = _progress(len(setpoint))
     try:
@@ -175,7 +177,7 @@ def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, period
     )
     if np.any(run_fixed.run_control(params, raw, used).digests() != capture.digests(steps)):
         raise LinkError("the board's steps differ from the integer model: run `plumb golden check` on it first")
-    return LoopRun(params, excited, raw, used, first + begin, np.empty(0))
+    return LoopRun(params, tested, excited, raw, used, first + begin, np.empty(0))
 
 
 def _progress(steps: int) -> tqdm[NoReturn]:

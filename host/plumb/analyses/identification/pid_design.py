@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Pid
 from plumb.tuning.loop_model import Loop, Margins
 
+G = TypeVar("G")
 STEEP = 300.0
 """Cost of a margin that is missed by its own size."""
 UNSTABLE = 1e6
@@ -38,54 +40,88 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Design:
+class Design(Generic[G]):
     """Gains, what they reach, and whether all that was wanted is met. rejection_db: mean response to a disturbance
     against the gains before; below 0 is better."""
 
-    pid: Pid
+    gains: G
     margins: Margins
     met: bool
     rejection_db: float
 
 
-def design(loop: Loop, before: Pid, wanted: Wanted) -> Design:
-    """The gains; slew_per_s stays."""
+class Search(Protocol[G]):
+    """The gains of one kind that `design` tries, as logarithms."""
+
+    def starts(self, before: G, period_s: float) -> list[FloatArray]:
+        """Where the search begins."""
+
+    def gains(self, logs: FloatArray, before: G, period_s: float) -> G:
+        """Of logarithms that are within floating point's range."""
+
+    def rounded(self, gains: G) -> G:
+        """As a person types them."""
+
+    def parts(self, gains: G) -> list[G]:
+        """Gains of the loop in its other modes: they need the same margins."""
+
+
+class PidSearch:
+    """Proportional, integral and derivative gain, and the filter of the D term; slew_per_s stays."""
+
+    def starts(self, before: Pid, period_s: float) -> list[FloatArray]:
+        starts = [_scaled(before, 1.0, 1.0), _scaled(before, 0.4, 0.15), _scaled(before, 0.2, 0.03)]
+        tau_s = max(before.derivative_tau_s, TAU_STEPS[0] * period_s)
+        return [np.asarray(np.log([*start, tau_s]), np.float64) for start in starts]
+
+    def gains(self, logs: FloatArray, before: Pid, period_s: float) -> Pid:
+        kp, ki, kd, tau = (float(value) for value in np.exp(logs))
+        ki = max(ki, kp / LONGEST_INTEGRAL_S)
+        tau = min(max(tau, TAU_STEPS[0] * period_s), TAU_STEPS[1] * period_s)
+        return replace(before, kp_per_deg=kp, ki_per_deg_s=ki, kd_per_dps=kd, derivative_tau_s=tau)
+
+    def rounded(self, gains: Pid) -> Pid:
+        kp, ki, kd, tau = as_typed(gains.kp_per_deg, gains.ki_per_deg_s, gains.kd_per_dps, gains.derivative_tau_s)
+        return replace(gains, kp_per_deg=kp, ki_per_deg_s=ki, kd_per_dps=kd, derivative_tau_s=tau)
+
+    def parts(self, gains: Pid) -> list[Pid]:
+        return []
+
+
+def design(loop: Loop[G], before: G, wanted: Wanted, search: Search[G]) -> Design[G]:
+    """The gains that are the best for this loop."""
     from scipy.optimize import minimize
 
     period_s = 0.499 / float(loop.hz[-1])
     slow = loop.hz >= LOWEST_REJECTED_HZ
 
-    def pid_of(logs: FloatArray) -> Pid:
-        kp, ki, kd, tau = (float(value) for value in np.exp(np.clip(logs, -30.0, 30.0)))
-        ki = max(ki, kp / LONGEST_INTEGRAL_S)
-        tau = min(max(tau, TAU_STEPS[0] * period_s), TAU_STEPS[1] * period_s)
-        return replace(before, kp_per_deg=kp, ki_per_deg_s=ki, kd_per_dps=kd, derivative_tau_s=tau)
+    def gains_of(logs: FloatArray) -> G:
+        return search.gains(np.clip(logs, -30.0, 30.0), before, period_s)
 
-    def rejection(pid: Pid) -> float:
+    def rejection(gains: G) -> float:
         """Mean square of the tilt that a unit of disturbance makes, in dB."""
-        response = np.abs(loop.tilt / (1.0 + loop.gain(pid)))[slow]
+        response = np.abs(loop.tilt / (1.0 + loop.gain(gains)))[slow]
         return 10.0 * math.log10(float(np.mean(response**2)))
 
     def cost(logs: FloatArray) -> float:
-        pid = pid_of(logs)
-        found = loop.margins(pid)
-        if not math.isfinite(found.phase_deg):
+        gains = gains_of(logs)
+        found = [loop.margins(one) for one in (gains, *search.parts(gains))]
+        if not all(math.isfinite(one.phase_deg) for one in found):
             return UNSTABLE
-        return rejection(pid) + STEEP * shortfall(found, wanted)
+        return rejection(gains) + STEEP * sum(shortfall(one, wanted) for one in found)
 
-    starts = [_scaled(before, 1.0, 1.0), _scaled(before, 0.4, 0.15), _scaled(before, 0.2, 0.03)]
-    best = np.zeros(4)
-    least = math.inf
-    for start in starts:
-        logs = np.log([*start, max(before.derivative_tau_s, TAU_STEPS[0] * period_s)])
+    starts = search.starts(before, period_s)
+    best, least = starts[0], math.inf
+    for logs in starts:
         for _ in range(SEARCHES):  # a simplex that has collapsed begins again where it stopped
             found = minimize(cost, logs, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-3, "maxfev": 400})
             logs = found.x
         if float(found.fun) < least:
             best, least = logs, float(found.fun)
-    pid = _rounded(pid_of(best))
-    reached = loop.margins(pid)
-    return Design(pid, reached, meets(reached, wanted), rejection(pid) - rejection(before))
+    gains = search.rounded(gains_of(best))
+    reached = loop.margins(gains)
+    met = all(meets(one, wanted) for one in (reached, *(loop.margins(part) for part in search.parts(gains))))
+    return Design(gains, reached, met, rejection(gains) - rejection(before))
 
 
 def meets(found: Margins, wanted: Wanted) -> bool:
@@ -105,8 +141,6 @@ def _scaled(pid: Pid, by: float, integral: float) -> list[float]:
     return [max(gain, 1e-6) for gain in gains]
 
 
-def _rounded(pid: Pid) -> Pid:
+def as_typed(*gains: float) -> list[float]:
     """As a person types them."""
-    gains = (pid.kp_per_deg, pid.ki_per_deg_s, pid.kd_per_dps, pid.derivative_tau_s)
-    kp, ki, kd, tau = (float(f"{gain:.3g}") for gain in gains)
-    return replace(pid, kp_per_deg=kp, ki_per_deg_s=ki, kd_per_dps=kd, derivative_tau_s=tau)
+    return [float(f"{gain:.3g}") for gain in gains]

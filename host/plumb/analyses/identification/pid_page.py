@@ -8,7 +8,8 @@ from dataclasses import asdict
 import numpy as np
 
 from plumb.analyses.identification import chosen_settings
-from plumb.analyses.identification.pid_tuning import GAINS, PidTuning, hold_rms_deg, step_response
+from plumb.analyses.identification.pid_design import Wanted
+from plumb.analyses.identification.pid_tuning import PidTuning, hold_rms_deg, step_response
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Table
 from plumb.proof.xy_plot import Axis, Curve, XyPlot
 from plumb.spec.arrays import FloatArray
@@ -22,6 +23,8 @@ PLANT_ROWS = (
 )
 DUST = 1e-6
 """Share of the interval's end below which a fitted figure is the bound at 0, and what is left is rounding."""
+MOST_MISMATCH, MOST_APART = 3.0, 0.05
+"""In standard deviations, and as a share of the response: 5 % are 3 deg of phase, or half a decibel."""
 HOLD_S = 3.0
 STEP_S = 1.5
 PLANT_NOTE = (
@@ -63,10 +66,8 @@ def tables(tuning: PidTuning, again: PidTuning | None) -> list[Table]:
     ]
     fit = f"{len(tuning.plant.response.hz)} lines; distance of model and response {tuning.plant.mismatch:.2f} sigma."
     found = [Table("Plant", ["", "fitted", "95 %"], plant, f"{PLANT_NOTE} {fit}")]
-    gains = [
-        [f"pid.{name}", f"{getattr(tuning.tuning.pid, name):.5g}", f"{getattr(tuning.design.pid, name):.5g}"]
-        for name in GAINS
-    ]
+    after = tuning.settings()
+    gains = [[name, f"{value:.5g}", f"{after[name]:.5g}"] for name, value in tuning.settings_before().items()]
     found.append(Table("Gains", ["setting", "before", "after"], gains))
     labels = [
         "stable", "crossover, Hz", "phase margin, deg", "gain margin, dB", "gain margin downwards, dB",
@@ -82,7 +83,11 @@ def tables(tuning: PidTuning, again: PidTuning | None) -> list[Table]:
     if again and holds[0] is not None and holds[1] is not None:
         rows.append([f"tilt at setpoint 0, rms over {HOLD_S:g} s, deg", f"{holds[0]:.2f}", "", f"{holds[1]:.2f}", ""])
     rows.append(["response to a torque, dB", "0", f"{tuning.design.rejection_db:+z.1f}", *([""] if again else []), ""])
-    found.append(Table("Margins", head, rows, MARGIN_NOTE, bad_rows=_bad(tuning)))
+    found.append(Table("Margins", head, rows, MARGIN_NOTE, bad_rows=_bad(tuning.design.margins, tuning.wanted)))
+    for old, new in tuning.parts:
+        rows = [list(row) for row in zip(labels, _margins(old), _margins(new), wanted, strict=True)]
+        head = ["", "before", "after", "wanted"]
+        found.append(Table("Margins of the rate loop alone", head, rows, bad_rows=_bad(new, tuning.wanted)))
     if tuning.faster:
         found.append(_faster(tuning))
     if not tuning.refusal():
@@ -91,9 +96,8 @@ def tables(tuning: PidTuning, again: PidTuning | None) -> list[Table]:
     return found
 
 
-def _bad(tuning: PidTuning) -> frozenset[int]:
-    """Rows whose margin is missed after."""
-    found, wanted = tuning.design.margins, tuning.wanted
+def _bad(found: Margins, wanted: Wanted) -> frozenset[int]:
+    """Rows whose margin is missed."""
     short = 0.99
     missed = (
         (0, not found.stable),
@@ -125,7 +129,7 @@ def warnings(tuning: PidTuning) -> list[str]:
     found = []
     if refusal := tuning.refusal():
         found.append(refusal)
-    if tuning.plant.mismatch > 3.0:
+    if tuning.plant.mismatch > MOST_MISMATCH and tuning.plant.apart > MOST_APART:
         found.append(
             f"model and measured response are {tuning.plant.mismatch:.1f} standard deviations apart: the machine is no "
             "body behind a lag and a delay, or the test saturated; look at the plot before the gains are used"
@@ -161,8 +165,8 @@ def plots(tuning: PidTuning, again: PidTuning | None) -> list[XyPlot | Plot]:
             ],
         ),
     ]
-    pairs = (("before", tuning.tuning.pid, SENSOR), ("after", tuning.design.pid, ESTIMATE))
-    gains = [(name, tuning.loop.gain(pid), colour) for name, pid, colour in pairs]
+    pairs = (("before", tuning.tested.gains, SENSOR), ("after", tuning.design.gains, ESTIMATE))
+    gains = [(name, tuning.loop.gain(one), colour) for name, one, colour in pairs]
     loop_hz = tuning.loop.hz
     one = Curve("1", loop_hz, np.ones(len(loop_hz)), TRUTH, 1.0, dashed=True)
     turned = Curve("-180 deg", loop_hz, np.full(len(loop_hz), -180.0), TRUTH, 1.0, dashed=True)
@@ -181,8 +185,8 @@ def plots(tuning: PidTuning, again: PidTuning | None) -> list[XyPlot | Plot]:
         ),
     ]
     steps = []
-    for name, pid, colour in pairs:
-        time_s, tilt = step_response(tuning.loop, pid, STEP_S, period_s)
+    for name, one, colour in pairs:
+        time_s, tilt = step_response(tuning.loop, one, STEP_S, period_s)
         steps.append(Curve(name, time_s, tilt, colour))
     drawn.append(XyPlot("Step of the setpoint by 1 deg, by the model", Axis("time (s)"), Axis("tilt (deg)"), steps))
     drawn += [_over_time(name, one) for name, one in (("before", tuning), ("after", again)) if one is not None]
@@ -196,11 +200,11 @@ def _degrees(response: Response) -> FloatArray:
 
 
 def _over_time(name: str, one: PidTuning) -> Plot:
-    signals, period_s = one.run.signals(), one.tuning.period_s
-    time_s = period_s * np.arange(len(one.run.raw))
+    run, period_s = one.run, one.tuning.period_s
+    time_s = period_s * np.arange(len(run.raw))
     lines = [
-        Line("setpoint", one.run.setpoint / 2.0**32 * 360.0, TRUTH),
-        Line("tilt, estimated", signals["tilt_deg"], ESTIMATE),
+        Line("setpoint", one.tested.asked_deg(run.raw, run.setpoint), TRUTH),
+        Line("tilt, estimated", one.tested.estimated_deg(run.signals()), ESTIMATE),
     ]
     return Plot(f"Test {name}", "deg", time_s, lines)
 
@@ -214,11 +218,12 @@ def to_json(tuning: PidTuning, again: PidTuning | None) -> dict[str, object]:
         "period_us": tuning.tuning.period_us,
         "plant": {name: asdict(figure) for name, figure in tuning.plant.figures.items()},
         "mismatch": tuning.plant.mismatch,
-        "gains_before": {f"pid.{name}": getattr(tuning.tuning.pid, name) for name in GAINS},
+        "gains_before": tuning.settings_before(),
         "settings": tuning.settings(),
         "margins_before": plain(tuning.before),
         "margins": plain(tuning.design.margins),
         "margins_measured": plain(again.before) if again else None,
+        "margins_rate_alone": [plain(new) for _, new in tuning.parts],
         "hold_rms_deg": [hold_rms_deg(one.run, HOLD_S) for one in (tuning, *([again] if again else []))],
         "met": tuning.design.met,
         "refusal": tuning.refusal(),

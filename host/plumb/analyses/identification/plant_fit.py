@@ -95,12 +95,14 @@ class Response:
 @dataclass(frozen=True)
 class PlantFit:
     """The plant, its parameters with 95 % intervals, and the measured response. mismatch: rms distance of response and
-    model in standard deviations; about 1 where the model fits."""
+    model in standard deviations; about 1 where the model fits. apart: median of the distances, as a share of the
+    response."""
 
     plant: PlantModel
     figures: dict[str, Estimate]
     response: Response
     mismatch: float
+    apart: float
 
 
 def response_of(test: Measurement) -> Response:
@@ -182,4 +184,5 @@ def fit(test: Measurement) -> PlantFit:
             figures[name] = Estimate(*(math.exp(min(end, 700.0)) for end in ends))
         else:
             figures[name] = Estimate(*(max(end, 0.0) for end in ends))
-    return PlantFit(plant_of(found.x), figures, response, mismatch)
+    off = plant_of(found.x).sampled(response.hz, period_s)[0] / response.value - 1.0
+    return PlantFit(plant_of(found.x), figures, response, mismatch, float(np.median(np.abs(off))))
