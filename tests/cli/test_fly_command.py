@@ -17,8 +17,8 @@ from plumb import systems
 from support.declared_systems import lacking
 
 PATIENCE_S = 60.0
-FLOWN = systems.with_part("flown")
-flies = pytest.mark.skipif(not FLOWN, reason="no declared system has flown.py")
+STEERED = systems.with_part("steered")
+flies = pytest.mark.skipif(not STEERED, reason="no declared system has steered.py")
 
 
 @flies
@@ -75,7 +75,7 @@ def test_a_browser_that_is_not_there_is_one_sentence(
     assert "no browser was found" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", lacking("flown")[:1])
+@pytest.mark.parametrize("name", lacking("steered")[:1])
 def test_a_system_that_nobody_flies_is_wrong_use(name: str) -> None:
     with pytest.raises(SystemExit) as ended:
         front.main(["fly", "--system", name])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,16 +12,16 @@ from plumb import systems
 from plumb.__main__ import main
 from plumb.cockpit.flight import flight_loop
 from plumb.cockpit.flight.transmitter import Sticks
-from plumb.systems.flown import FLOWN as PART
+from plumb.systems.steered import STEERED as PART
 from support.flight_bench import PILOT, FlightBench
 
-FLOWN = systems.with_part("flown")
-pytestmark = pytest.mark.skipif(not FLOWN, reason="no declared system has flown.py")
+STEERED = systems.with_part("steered")
+pytestmark = pytest.mark.skipif(not STEERED, reason="no declared system has steered.py")
 
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[FlightBench]:
-    bench = FlightBench(FLOWN[0], tmp_path)
+    bench = FlightBench(STEERED[0], tmp_path)
     yield bench
     bench.loop.close()
 
@@ -71,7 +72,7 @@ def test_only_the_page_that_holds_the_vehicle_is_heard(bench: FlightBench) -> No
 
 def test_what_happens_is_seen_and_ends(bench: FlightBench) -> None:
     bench.arm()
-    for event in systems.load(FLOWN[0], PART).EVENTS:
+    for event in systems.load(STEERED[0], PART).EVENTS:
         assert bench.order("happen", event)["good"]
         bench.turn(0.15, on=True)
         assert event in bench.loop.state["happening"]  # type: ignore[operator]
@@ -90,6 +91,17 @@ def test_a_new_flight_ends_the_one_that_is_on_and_begins_on_the_ground(bench: Fl
     bench.arm()
     bench.loop.close()
     assert bench.loop.flights == 2 and len(list(tmp_path.glob("*.plog"))) == 2
+
+
+def test_other_estimators_see_the_same_samples(bench: FlightBench) -> None:
+    bench.arm()
+    bench.turn(1.0, on=True, throttle=0.5)
+    up = bench.loop._vehicles.vehicle.truth(0.0)
+    rivals = bench.loop.scene["rivals"]
+    assert isinstance(rivals, dict) and set(rivals) == {"VQF", "Mahony"}
+    for vertical in rivals.values():
+        cosine = sum(part * up[f"up_{axis}"] for part, axis in zip(vertical, "xyz", strict=True))
+        assert 0.0 < math.degrees(math.acos(min(cosine, 1.0))) < 10.0
 
 
 def test_a_stop_switches_the_rotors_off(bench: FlightBench) -> None:

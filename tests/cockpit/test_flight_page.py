@@ -17,8 +17,8 @@ from plumb.cockpit.page_server import PageServer
 from support.chromium import Chromium, Page
 from support.flight_bench import flying
 
-FLOWN = systems.with_part("flown")
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(not FLOWN, reason="no declared system has flown.py")]
+STEERED = systems.with_part("steered")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not STEERED, reason="no declared system has steered.py")]
 PATIENT_S = 5.0
 """Silence of these tests: a machine that is busy may leave a page waiting for longer than a pilot's receiver does."""
 HINT = "document.getElementById('hint').textContent"
@@ -38,7 +38,7 @@ PAD = """
 @pytest.fixture
 def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FlightLoop:
     monkeypatch.setattr(transmitter, "LOST_S", PATIENT_S)
-    return FlightLoop(FLOWN[0], 1000, Hold(2 * PATIENT_S), folder=tmp_path)
+    return FlightLoop(STEERED[0], 1000, Hold(2 * PATIENT_S), folder=tmp_path)
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_a_gamepad_takes_off_hovers_turns_and_lands_and_the_report_is_there(
     page.until(f"{HINT}.includes('over')")
     page.until("document.querySelector('#reports a') !== null")
     report = str(page.value("document.querySelector('#reports a').href"))
-    assert "flown" not in report and page.value(f"fetch({json.dumps(report)}).then((answer) => answer.text())")
+    assert "steered" not in report and page.value(f"fetch({json.dumps(report)}).then((answer) => answer.text())")
     assert loop.flights == 1 and loop.state["light"]["colour"] != "red"  # type: ignore[index]
 
 

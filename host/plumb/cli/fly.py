@@ -22,7 +22,7 @@ from plumb.cli import options
 if TYPE_CHECKING:
     from plumb.cockpit.flight.flight_loop import FlightLoop
 
-PART = "flown"
+PART = "steered"
 SWITCH_S = 0.001
 """Longest time that the thread of the flight keeps that of the pages from the sticks."""
 

@@ -17,6 +17,7 @@ import numpy as np
 from plumb.link.realtime import Capture
 from plumb.link.selection import RAW_FRAMES
 from plumb.spec import declarations
+from plumb.spec.arrays import FloatArray
 from plumb.spec.signals import UNITS, signals
 from plumb.spec.system import Command
 
@@ -164,6 +165,14 @@ class Samples:
                 return {}
             row = self._values[(self.rows - 1) % ROWS_KEPT].tolist()
         return {column.name: value for column, value in zip(self.columns, row, strict=True) if math.isfinite(value)}
+
+    def raw_since(self, first: int, channels: int) -> tuple[FloatArray, int]:
+        """The first raw counts of the rows from number `first` on, (rows, channels), NaN where they lack, and the
+        number after the last of them."""
+        with self._lock:
+            at = np.arange(max(first, self.rows - ROWS_KEPT, 0), self.rows) % ROWS_KEPT
+            rows = self._values[at, self._raw_at : self._raw_at + channels].astype(np.float64)
+            return rows, self.rows
 
     @property
     def kept(self) -> int:

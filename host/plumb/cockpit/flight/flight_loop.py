@@ -17,6 +17,7 @@ from plumb.boards.native_port import NativePort
 from plumb.cockpit.arming import Reply
 from plumb.cockpit.board_run import BoardRun
 from plumb.cockpit.flight.arming import ArmingBySwitch
+from plumb.cockpit.flight.rivals import Rivals
 from plumb.cockpit.flight.transmitter import Sticks, Transmitter
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_orders import Order
@@ -25,7 +26,7 @@ from plumb.errors import PlumbError, UsageError
 from plumb.link.selection import raw_frames_of
 from plumb.link.session import Session
 from plumb.spec import declarations
-from plumb.systems.flown import FLOWN, Event, FlownVehicle
+from plumb.systems.steered import STEERED, Event, SteeredVehicle
 from plumb.tuning.quantise import quantise
 
 TURN_US = 5000
@@ -39,6 +40,7 @@ LOST, LOST_S = "lost", 3.0
 LOST_EVENT = Event("Receiver lost", f"the receiver hears nothing for {LOST_S:g} s", LOST_S)
 NEW, HAPPEN = "run", "happen"
 ORDERS_MAX = 32
+CHIP_HZ = 72e6
 PICTURE_S = 1.0
 """Sticks of a page whose newest picture is older than this are not heard: nobody sees what he steers."""
 
@@ -47,12 +49,12 @@ class _Vehicles:
     """Puts the vehicle of each flight on the wires of the board."""
 
     def __init__(self, system: str, seed: int) -> None:
-        self._flown, self._seed = systems.load(system, FLOWN), seed
-        self.vehicle: FlownVehicle = self._flown.vehicle(seed)
+        self._steered, self._seed = systems.load(system, STEERED), seed
+        self.vehicle: SteeredVehicle = self._steered.vehicle(seed)
 
     def attach(self, board: LinkBoard) -> None:
         assert isinstance(board, NativePort)
-        self.vehicle = self._flown.vehicle(self._seed)
+        self.vehicle = self._steered.vehicle(self._seed)
         board.served.attach(self.vehicle)
 
 
@@ -65,7 +67,7 @@ class FlightLoop(BoardRun):
     def __init__(
         self, system: str, seed: int, hold: Hold, *, folder: Path, command: str = "", paced: bool = True
     ) -> None:
-        self._flown, self._vehicles = systems.load(system, FLOWN), _Vehicles(system, seed)
+        self._steered, self._vehicles = systems.load(system, STEERED), _Vehicles(system, seed)
         self.transmitter = Transmitter()
         self.scene: dict[str, object] = {}
         self.state: dict[str, object] = {}
@@ -81,10 +83,11 @@ class FlightLoop(BoardRun):
         self._uart = board.uart
         board.mcu.wires.uart_in_byte_ns = board.mcu.wires.uart_out_byte_ns = 0  # a loop in memory
         board.served.radio = self.transmitter.frames
-        params = quantise(self._flown.TUNING)
-        period_us = round(params.period_s * 1e6)
+        params = quantise(self._steered.TUNING)
+        self._period_us = round(params.period_s * 1e6)
+        self._rivals = Rivals(self._steered, self._period_us)
         board.session.upload(
-            params.words(), **params.link_words(), **systems.load(system).LINK, period_us=period_us, receiver=1
+            params.words(), **params.link_words(), **systems.load(system).LINK, period_us=self._period_us, receiver=1
         )
         super().__init__(board, hold, folder, self._vehicles, watch=False, command=command)
 
@@ -135,7 +138,7 @@ class FlightLoop(BoardRun):
 
     def turn(self) -> None:
         begin_s, wall_s = self._session.clock(), time.monotonic()
-        settled = begin_s - self._begun_s > self._flown.SETTLED_S
+        settled = begin_s - self._begun_s > self._steered.SETTLED_S
         self._obey()
         self._uart.pass_us(TURN_US)  # in one piece; a wait for the first frame would look at the line every 100 us
         self._session.receive(0.0)
@@ -143,6 +146,8 @@ class FlightLoop(BoardRun):
         if not self._over:
             self._fly()
         now_s = self._session.clock()
+        if self.samples is not None:
+            self._rivals.follow(self.samples, sum(motors := self._vehicles.vehicle.seen().motors) / len(motors))
         self._look()
         if now_s - self._stated_s >= STATE_EVERY_S or not self.state:
             self._stated_s = now_s
@@ -157,12 +162,13 @@ class FlightLoop(BoardRun):
         self.transmitter.begin()
         super().begin()
         self._switch, self._rests_s = ArmingBySwitch(), None
+        self._rivals = Rivals(self._steered, self._period_us)
         self._flew = self._over = False
         self._begun_s = self._session.clock()
         self._pace = Pace(self._begun_s)
 
     def _selection(self, period_us: int) -> tuple[str, ...]:
-        return (*raw_frames_of(self._session.system), *self._flown.FRAMES)
+        return (*raw_frames_of(self._session.system), *self._steered.FRAMES)
 
     def _open(self, session: Session) -> None:
         super()._open(session)
@@ -230,20 +236,20 @@ class FlightLoop(BoardRun):
             self.note(LOST_EVENT.text)
         else:
             self._vehicles.vehicle.happen(order.name)
-            self.note(self._flown.EVENTS[order.name].text)
+            self.note(self._steered.EVENTS[order.name].text)
 
     # ---- what the pages see ----
 
     @property
     def events(self) -> list[dict[str, object]]:
         """What a page has buttons for."""
-        own = self._flown.EVENTS.items()
+        own = self._steered.EVENTS.items()
         return [{"name": name, "label": event.label, "text": event.text} for name, event in (*own, (LOST, LOST_EVENT))]
 
     def _look(self) -> None:
         seen, sticks = self._vehicles.vehicle.seen(), self.transmitter.sticks
         newest = {} if self.samples is None else self.samples.newest()
-        estimate = [newest.get(name) for name in self._flown.ATTITUDE]
+        estimate = [newest.get(name) for name in self._steered.ATTITUDE]
         self.scene = {
             "time_s": round(self._session.clock() - self._begun_s, 3),
             "position": _rounded(seen.position_m, 4),
@@ -252,6 +258,7 @@ class FlightLoop(BoardRun):
             "estimate": None if None in estimate else estimate,
             "wind": _rounded(seen.wind_mps, 2),
             "motors": _rounded(seen.motors, 3),
+            "rivals": self._rivals.verticals,
             "sticks": [sticks.roll, sticks.pitch, sticks.yaw, sticks.throttle],
         }
 
@@ -265,8 +272,8 @@ class FlightLoop(BoardRun):
             "light": {"colour": light.colour, "text": light.text},
             "armed": self._armed,
             "why": self._switch.why,
-            "settled": self._session.clock() - self._begun_s >= self._flown.SETTLED_S,
-            "said": self._flown.said(newest),
+            "settled": self._session.clock() - self._begun_s >= self._steered.SETTLED_S,
+            "said": self._steered.said(newest),
             "heard": self.transmitter.heard,
             "on": self.transmitter.sticks.on,
             "rate": self.transmitter.sticks.rate,
@@ -278,15 +285,22 @@ class FlightLoop(BoardRun):
             "reports": [path.name for path in self.recording.reports],
         }
 
+    @property
+    def _chip_share(self) -> float | None:
+        """Share of the chip that the system's step takes at most; None without a budget."""
+        cycles = declarations.system(self._session.system).cycles
+        return None if cycles is None else cycles / (CHIP_HZ * self._period_us * 1e-6)
+
     def drawing(self) -> dict[str, object]:
         """What a page needs once: how to draw the vehicle, and what may happen to it."""
-        drawing = self._flown.DRAWING
+        drawing = self._steered.DRAWING
         return {
             "title": declarations.system(self._session.system).title,
             "shapes": [shape.__dict__ for shape in drawing.shapes],
             "motors": drawing.motors,
             "hover": drawing.hover,
             "events": self.events,
+            "chip_share": self._chip_share,
         }
 
 

@@ -6,7 +6,7 @@ import { Hands, stick } from "./hands.js";
 import { Link } from "./link.js";
 import { Scene, VIEWS } from "./scene.js";
 
-const COLOURS = ["haze", "zenith", "ground", "line", "mark", "wind", "ghost", "shade"], NOTES = 12;
+const COLOURS = ["haze", "zenith", "ground", "line", "mark", "wind", "ghost", "vqf", "mahony", "shade"], NOTES = 12;
 let state = null, drawing = null, scene = null, drawnAt = 0, notesShown = "", flight = null;
 
 try {
@@ -59,6 +59,7 @@ function showDrawing(said) {
   hands.hover = said.hover;
   gauges.build(said);
   byId("hold").hidden = !said.hover;
+  setText(byId("chip"), said.chip_share ? `The step takes at most ${(100 * said.chip_share).toFixed(1)} % of an STM32F103.` : "");
   if (!scene) return;
   paint();
   scene.build(said);
@@ -188,6 +189,13 @@ addEventListener("keydown", (event) => {
 addEventListener("keyup", (event) => hands.release(event.code, event.shiftKey), { capture: true });
 for (const [id, name] of [["rotors", "rotors"], ["mode", "mode"], ["hold", "height"], ["camera", "camera"], ["new", "run"]]) {
   byId(id).addEventListener("click", () => act(name));
+}
+for (const button of document.querySelectorAll("[data-ghost]")) {
+  button.addEventListener("click", () => {
+    const shown = button.getAttribute("aria-pressed") !== "true";
+    button.setAttribute("aria-pressed", String(shown));
+    if (shown) scene?.wanted.add(button.dataset.ghost); else scene?.wanted.delete(button.dataset.ghost);
+  });
 }
 stick(byId("left"), hands, { name: "yaw", sign: -1 }, { name: "up", sign: -1 });
 stick(byId("right"), hands, { name: "roll", sign: 1 }, { name: "pitch", sign: -1 });

@@ -34,20 +34,25 @@ export class Gauges {
     setText(byId("event-text"), this.events.filter(({ name }) => happening.includes(name)).map(({ text }) => text).join("; "));
   }
 
-  show({ position, velocity, motors, wind, attitude, estimate, sticks }, hands) {
+  show({ position, velocity, motors, wind, attitude, estimate, rivals, sticks }, hands) {
     const number = (value) => value.toFixed(1).replace("-0.0", "0.0").replace("-", "−");
     setText(byId("height"), number(position[2]));
     setText(byId("climb"), number(velocity[2]));
     setText(byId("speed"), number(Math.hypot(velocity[0], velocity[1])));
-    setText(byId("off"), estimate ? offBy(attitude, estimate).toFixed(1) : "–");
+    const up = vertical(attitude), each = { ...rivals, ...(estimate ? { estimate: vertical(estimate) } : {}) };
+    for (const button of document.querySelectorAll("[data-ghost]")) {
+      const of = each[button.dataset.ghost];
+      button.parentElement.hidden = !of;
+      if (of) setText(button.nextElementSibling, `${apart(up, of).toFixed(1)}°`);
+    }
     setText(byId("wind"), `${number(Math.hypot(...wind))} m/s`);
     this.motors?.forEach(({ bar, value }, at) => {
       bar.style.transform = `scaleX(${motors[at]})`;
       setText(value, `${Math.round(100 * motors[at])} %`);
     });
     const [roll, pitch, yaw, throttle] = sticks;
-    const up = hands.holds && hands.hover ? Math.min(Math.max(hands.touch.up ?? hands.keys.up, -1), 1) : 2 * throttle - 1;
-    dot("left", -yaw, up);
+    const lift = hands.holds && hands.hover ? Math.min(Math.max(hands.touch.up ?? hands.keys.up, -1), 1) : 2 * throttle - 1;
+    dot("left", -yaw, lift);
     dot("right", roll, pitch);
   }
 }
@@ -56,11 +61,11 @@ function dot(id, x, y) {
   byId(id).querySelector("i").style.transform = `translate(${TRAVEL * x}px, ${-TRAVEL * y}px)`;
 }
 
+// The vertical in body axes.
 const vertical = ([w, x, y, z]) => [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)];
 
-// Angle between the true vertical and the estimated one, in deg.
-function offBy(attitude, estimate) {
-  const [ax, ay, az] = vertical(attitude), [bx, by, bz] = vertical(estimate);
+// Angle between two verticals in deg.
+function apart([ax, ay, az], [bx, by, bz]) {
   const cross = Math.hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx);
   return Math.atan2(cross, ax * bx + ay * by + az * bz) / DEG;
 }

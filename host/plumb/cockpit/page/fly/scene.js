@@ -4,9 +4,10 @@ import { Camera, Cylinder, Geometry, Mesh, Plane, Renderer, Sphere, Transform } 
 import { ground, sky, solid } from "./shader.js";
 import { ghostVehicle, rgb, shadowVehicle, solidVehicle } from "./vehicle.js";
 
-const TRAIL = 300, TRAIL_EVERY_S = 0.05, SMOOTH_S = 0.045, CAMERA_S = 0.25, TREES = 46, GHOST_SIZE = 1.1;
+const TRAIL = 300, TRAIL_EVERY_S = 0.05, NOT_YET = 3, SMOOTH_S = 0.045, CAMERA_S = 0.25, TREES = 46, GHOST_SIZE = 1.1;
 const STAND = [-3.2, -2.2, 1.7], FIELD_M = 1.5, WIDE_DEG = 50, NARROW_DEG = 9, DEG = Math.PI / 180;
 const SLOW_MS = 26, FRAMES_TO_JUDGE = 40, LEAST_DPR = 0.5;
+const GHOSTS = { estimate: "ghost", VQF: "vqf", Mahony: "mahony" };
 export const VIEWS = ["behind it", "from the ground", "on board"];
 
 const mix = (from, to, share) => from.map((value, at) => value + (to[at] - value) * share);
@@ -19,6 +20,14 @@ const times = ([a, b, c, d], [w, x, y, z]) => [a * w - b * x - c * y - d * z, a 
 function between(from, to, share) {
   const near = from.reduce((sum, value, at) => sum + value * to[at], 0) < 0 ? to.map((value) => -value) : to;
   return unit(mix(from, near, share));
+}
+
+// An attitude by its vertical in body axes: the true one, turned on the shortest way.
+function leaned(attitude, up) {
+  const [w, x, y, z] = attitude, [a, b, c] = up;
+  const tx = 2 * (y * c - z * b), ty = 2 * (z * a - x * c), tz = 2 * (x * b - y * a);
+  const [ex, ey, ez] = [a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx];
+  return times(unit([1 + ez, ey, -ex, 0]), attitude);
 }
 
 function* drawn(seed) {  // the same trees on every page
@@ -37,11 +46,12 @@ export class Scene {
     this.camera.up.set(0, 0, 1);
     this.root = new Transform();
     this.view = 0;
-    this.shared = Object.fromEntries(["haze", "zenith", "ground", "line", "mark", "wind", "ghost", "shade"].map((name) => [name, { value: [0, 0, 0] }]));
+    this.shared = Object.fromEntries(["haze", "zenith", "ground", "line", "mark", "wind", "ghost", "vqf", "mahony", "shade"].map((name) => [name, { value: [0, 0, 0] }]));
     this.newest = this.shown = this.headingOff = null;
     this.slow = this.frames = 0;
     this.trail = [];
     this.trailAt = -1;
+    this.wanted = new Set(["estimate"]);
   }
 
   // colours: #rrggbb by name.
@@ -58,12 +68,16 @@ export class Scene {
     this.dome = dome;
     this.field = field;
     this.vehicle = solidVehicle(gl, haze, drawing.shapes);
-    this.ghost = ghostVehicle(gl, haze, drawing.shapes, shared.ghost.value);
-    this.ghost.scale.set(GHOST_SIZE, GHOST_SIZE, GHOST_SIZE);
+    this.ghosts = Object.fromEntries(Object.entries(GHOSTS).map(([name, colour], at) => {
+      const ghost = ghostVehicle(gl, haze, drawing.shapes, shared[colour].value), size = GHOST_SIZE + 0.04 * at;
+      ghost.scale.set(size, size, size);
+      ghost.setParent(root);
+      return [name, ghost];
+    }));
     this.shadow = shadowVehicle(gl, haze, drawing.shapes, shared.shade.value);
     this.stalk = new Mesh(gl, { geometry: new Cylinder(gl, { radiusTop: 0.003, radiusBottom: 0.003, height: 1 }), program: shade(shared.line, { alpha: 0.6, lit: 0 }) });
     this.arrow = this.windArrow(shade(shared.wind));
-    for (const part of [dome, field, this.vehicle, this.ghost, this.shadow.flat, this.stalk, this.arrow]) part.setParent(root);
+    for (const part of [dome, field, this.vehicle, this.shadow.flat, this.stalk, this.arrow]) part.setParent(root);
     this.plantTrees(root);
     this.line = this.trailLine(shade(shared.mark, { alpha: 0.7, lit: 0 }));
     this.line.setParent(root);
@@ -139,12 +153,14 @@ export class Scene {
     this.judge(performance.now() - began, seconds);
   }
 
-  place(seconds, { motors, wind, estimate }) {
+  place(seconds, { motors, wind, estimate, rivals }) {
     const { position, attitude, estimate: guessed } = this.shown, [x, y, z] = position;
     this.vehicle.pose(position, attitude);
     this.vehicle.turn(motors, seconds);
-    this.ghost.pose(position, guessed);
-    this.ghost.visible = Boolean(estimate);
+    for (const [name, ghost] of Object.entries(this.ghosts)) {
+      ghost.visible = this.wanted.has(name) && Boolean(name === "estimate" ? estimate : rivals[name]);
+      if (ghost.visible) ghost.pose(position, name === "estimate" ? guessed : leaned(attitude, rivals[name]));
+    }
     this.shadow.vehicle.pose(position, attitude);
     this.stalk.position.set(x, y, z / 2);
     this.stalk.rotation.x = Math.PI / 2;
@@ -158,7 +174,8 @@ export class Scene {
     this.arrow.rotation.z = Math.atan2(wind[1], wind[0]) - Math.PI / 2;
     this.shaft.scale.y = long;
     this.head.position.y = long / 2 + 0.05;
-    for (let at = 0; at < TRAIL; at++) this.points.set(this.trail[at] ?? position, 3 * at);
+    const drawn = this.trail.length - NOT_YET;  // the picture is a little late
+    for (let at = 0; at < TRAIL; at++) this.points.set(at < drawn ? this.trail[at] : position, 3 * at);
     this.line.geometry.attributes.position.needsUpdate = true;
   }
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from plumb.physics import pilots
 from plumb.physics.airframe import command_for
-from plumb.systems.flown import Drawing, Event, Seen, Shape
 from plumb.systems.quadrotor import courses, scenarios
 from plumb.systems.quadrotor.plant import QuadrotorPlant, command_of
 from plumb.systems.quadrotor.vehicle import FRAME
+from plumb.systems.steered import Drawing, Event, Seen, Shape
 
 TUNING = replace(scenarios.HUMMINGBIRD, receiver=replace(scenarios.HUMMINGBIRD.receiver, lands=1))
 """As shipped, but a vehicle that has lost its receiver lands."""
@@ -21,6 +21,7 @@ ATTITUDE = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
 SETTLED_S = courses.REST_S
 BREEZE_MPS = 2.0
 AIRFIELD = courses.Course("flown by hand", pilots.centred, wind_mps=BREEZE_MPS, lands=True, happens_s=0.0)
+IMU, AIRFRAME = AIRFIELD.grade, FRAME
 NOISE_S = 60.0
 """The noise of sensors and gusts repeats after this time."""
 GUST, WEAK, STUCK = "gust", "weak", "stuck"

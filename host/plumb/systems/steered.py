@@ -1,4 +1,4 @@
-"""Contract of flown.py: a system whose vehicle a person steers in the browser (`plumb fly`).
+"""Contract of steered.py: a system whose vehicle a person steers in the browser (`plumb fly`).
 
 The vehicle is a plant of which more is known: what the page draws, what may happen to it, and whether it is at rest.
 The pilot's sticks do not come from it: they reach the board over the line of its radio receiver.
@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+from plumb.physics.airframe import Airframe
+from plumb.physics.imu import ImuGrade
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning
 from plumb.systems.contracts import Plant
@@ -64,7 +66,7 @@ class Seen(NamedTuple):
     motors: tuple[float, ...]
 
 
-class FlownVehicle(Plant, Protocol):
+class SteeredVehicle(Plant, Protocol):
     """A vehicle with its sensors, on the ground at its time 0."""
 
     def happen(self, event: str) -> None:
@@ -80,8 +82,8 @@ class FlownVehicle(Plant, Protocol):
         """Whether body and motors stand still."""
 
 
-class Flown(Protocol):
-    """flown.py of a system."""
+class Steered(Protocol):
+    """steered.py of a system."""
 
     @property
     def TUNING(self) -> AnyTuning: ...
@@ -99,6 +101,12 @@ class Flown(Protocol):
         """Time at rest after which the vehicle can be armed."""
 
     @property
+    def IMU(self) -> ImuGrade: ...
+
+    @property
+    def AIRFRAME(self) -> Airframe: ...
+
+    @property
     def EVENTS(self) -> Mapping[str, Event]: ...
 
     @property
@@ -107,7 +115,7 @@ class Flown(Protocol):
     def said(self, newest: Mapping[str, float], /) -> str:
         """Who steers, as one phrase, from the newest value of each column."""
 
-    def vehicle(self, seed: int, /) -> FlownVehicle: ...
+    def vehicle(self, seed: int, /) -> SteeredVehicle: ...
 
 
-FLOWN = Part[Flown]("flown", Flown, without="nobody steers it in the browser")
+STEERED = Part[Steered]("steered", Steered, without="nobody steers it in the browser")
