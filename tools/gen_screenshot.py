@@ -1,7 +1,8 @@
 """Write the pictures of the pages, as a browser shows them: docs/images/report.png, the head of the page that
-`plumb run` writes, and docs/images/cockpit.png, `plumb cockpit` with the armed quad of the virtual board.
+`plumb run` writes, docs/images/cockpit.png, `plumb cockpit` with the armed quad of the virtual board, and
+docs/images/fly.png, `plumb fly` in a gust.
 
-    .venv/bin/python tools/gen_screenshot.py [report] [cockpit]
+    .venv/bin/python tools/gen_screenshot.py [report] [cockpit] [fly]
     .venv/bin/python tools/gen_screenshot.py --check
 
 Needs Chromium or Chrome. Fonts differ between machines, so --check compares no pixel: each picture has its size, and
@@ -24,6 +25,8 @@ from plumb.__main__ import main as plumb
 from plumb.boards import open_link_board
 from plumb.boards.plant_on_pins import PlantOfRuns
 from plumb.cockpit.board_loop import BoardLoop
+from plumb.cockpit.flight import transmitter
+from plumb.cockpit.flight.flight_loop import FlightLoop
 from plumb.cockpit.hold import Hold
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -31,11 +34,12 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from support.chromium import Chromium, browser  # noqa: E402
 from support.cockpit_bench import serving  # noqa: E402
+from support.flight_bench import flying  # noqa: E402
 
 HOST = ROOT / "host" / "plumb"
 IMAGES = ROOT / "docs" / "images"
 RUN = ("run", "quad", "--board", "native", "--scenario", "hold", "--out")
-REPORT_SIZE, COCKPIT_SIZE = (1200, 1260), (1400, 1000)
+REPORT_SIZE, COCKPIT_SIZE, FLY_SIZE = (1200, 1260), (1400, 1000), (1120, 640)
 """Pixels."""
 STEPPED_S, SHOWN_S = (16.0, 21.0), 27.0
 """Times of the run on the page: the hand lets go at 10.6 s."""
@@ -135,9 +139,32 @@ def cockpit() -> bytes:
             return page.picture(*COCKPIT_SIZE)
 
 
+def fly() -> bytes:
+    """The quadrotor of `plumb fly` a few metres up, on its way, as a gust begins. A busy machine may leave the page
+    waiting for longer than a pilot's receiver does."""
+    transmitter.LOST_S = HOLD_S
+    with tempfile.TemporaryDirectory() as folder, Chromium() as chromium:
+        loop = FlightLoop("quadrotor", SEED, Hold(HOLD_S), folder=Path(folder))
+        with flying(loop) as server:
+            page = chromium.open(server.control_address)
+            page.call("Emulation.setDeviceMetricsOverride", width=640, height=360, deviceScaleFactor=1, mobile=False)
+            page.until("document.getElementById('hint').textContent.includes('Enter')")
+            page.click("#rotors")
+            page.until("document.getElementById('armed').textContent === 'ARMED'")
+            for code, reached in (("KeyW", "height').textContent > 0.7"), ("ArrowUp", "speed').textContent > 1.5")):
+                page.call("Input.dispatchKeyEvent", type="keyDown", code=code, key=code)
+                page.until(f"document.getElementById('{reached}", patience_s=BUSY_S)
+                if code == "KeyW":
+                    page.call("Input.dispatchKeyEvent", type="keyUp", code=code, key=code)
+            page.click("[data-event=gust]")
+            page.value("document.getElementById('rate').hidden = document.getElementById('log').hidden = true")
+            return page.picture(*FLY_SIZE)
+
+
 PICTURES = {
     "report": Picture(report, REPORT_SIZE, ("proof/report.css", "proof/report.js")),
     "cockpit": Picture(cockpit, COCKPIT_SIZE, ("cockpit/page/*.*",)),
+    "fly": Picture(fly, FLY_SIZE, ("cockpit/page/fly/*",)),
 }
 
 if __name__ == "__main__":
