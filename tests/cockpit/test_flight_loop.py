@@ -107,7 +107,7 @@ def test_other_estimators_see_the_same_samples(bench: FlightBench) -> None:
 def test_a_stop_switches_the_rotors_off(bench: FlightBench) -> None:
     bench.arm()
     bench.loop.stop()
-    bench.turn(0.3)
+    bench.turn(0.3, on=True)
     assert not bench.loop.state["armed"]
 
 

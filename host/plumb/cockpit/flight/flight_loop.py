@@ -106,8 +106,8 @@ class FlightLoop(BoardRun):
         self._orders.put((order, reply))
 
     def stop(self) -> None:
-        """The rotors' switch goes off, as by the page that holds the vehicle."""
-        self.transmitter.hear(Sticks())
+        """The rotors' switch goes off, and stays so until the page that holds the vehicle has it off, too."""
+        self.transmitter.off = True
 
     # ---- the loop ----
 
@@ -143,7 +143,9 @@ class FlightLoop(BoardRun):
         self._uart.pass_us(TURN_US)  # in one piece; a wait for the first frame would look at the line every 100 us
         self._session.receive(0.0)
         self._follow()
-        if not self._over:
+        if self._over:
+            self.transmitter.off = True
+        else:
             self._fly()
         now_s = self._session.clock()
         if self.samples is not None:

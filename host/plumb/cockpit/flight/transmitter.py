@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from plumb.spec import crsf
 
@@ -31,10 +31,11 @@ class Sticks:
 
 
 class Transmitter:
-    """One thread says what the sticks are, another one takes the frames. sticks: as they were sent last."""
+    """One thread says what the sticks are, another one takes the frames. sticks: as they were sent last; off: the
+    switch of the rotors counts as off until the page itself says so, at the beginning and after a stop."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self.sticks = Sticks()
+        self.sticks, self.off = Sticks(), True
         self._clock = clock
         self._said = Sticks(), float("-inf")
         self._next_s = self._silent_s = 0.0
@@ -43,10 +44,12 @@ class Transmitter:
     def hear(self, sticks: Sticks) -> None:
         """What a page says of its sticks."""
         self._said = sticks, self._clock()
+        self.off = self.off and sticks.on
 
     def begin(self) -> None:
         """Another flight, whose time begins at 0."""
-        self.sticks, self._next_s, self._silent_s, self._time_s = Sticks(), 0.0, 0.0, 0.0
+        self.sticks, self.off = Sticks(), True
+        self._next_s = self._silent_s = self._time_s = 0.0
 
     def silence(self, seconds: float) -> None:
         """Send nothing for so long, in time of the flight."""
@@ -67,7 +70,8 @@ class Transmitter:
         if time_s < self._next_s or not self.heard:
             return b""
         self._next_s = max(self._next_s + FRAME_S, time_s)
-        self.sticks = sticks = self._said[0]
+        said = self._said[0]
+        self.sticks = sticks = replace(said, on=False) if self.off else said
         return crsf.sticks(
             roll=sticks.roll, pitch=sticks.pitch, throttle=sticks.throttle, yaw=sticks.yaw, on=sticks.on,
             rate=sticks.rate,
