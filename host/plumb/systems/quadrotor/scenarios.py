@@ -49,6 +49,9 @@ the proportional gain of roll and pitch, which takes back the lag of the rotors,
 DEG = np.pi / 180.0
 SCALE = 0.0069
 """Scale error of the gyro that the filter of `two-chips` expects, as that of `attitude` for those chips."""
+REST_DPS = 2.5
+"""What counts as rest for `two-chips`: every 2.5 ms an ITG-3205 has a noise of 0.42 deg/s, and at 1.15 deg/s, less than
+three times that, no second of 400 samples would be at rest: the bias would be unknown when it takes off."""
 
 
 def _gains(decay_per_s: float, accel_radps2: float, lead_s: float = 0.0) -> RateGains:
@@ -79,6 +82,7 @@ TUNINGS = {
             gyro=TWO_CHIPS.gyro,
             accel=TWO_CHIPS.accel,
             errors=replace(ESTIMATOR.errors, scale=SCALE, noise_dps=TWO_CHIPS.gyro_noise_dps),
+            rest=replace(ESTIMATOR.rest, gyro_dps=REST_DPS),
         ),
     ),
 }
