@@ -27,6 +27,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual
 from plumb.boards import plant_on_pins
 from plumb.boards.virtual_machine import open_machine
 from plumb.f103 import Machine
+from plumb.systems.contracts import sensor_words
 
 try:
     IMAGE = find_image()
@@ -142,7 +143,8 @@ def test_another_file_is_not_taken_for_kept_parameters(
 
 
 @pytest.mark.parametrize(
-    ("name", "tuning", "pins"), [("quad", "hold", 0), ("balancer", "tuned", 1), ("turntable", "analog", 0)]
+    ("name", "tuning", "pins"),
+    [("quad", "hold", 0), ("balancer", "tuned", 1), ("turntable", "analog", 0), ("quadrotor", "hummingbird", 2)],
 )
 def test_with_a_system_it_comes_up_as_that_one(name: str, tuning: str, pins: int) -> None:
     """Saved and started again: a balancer that is armed later is armed on the pins of the bridge, or not at all."""
@@ -155,6 +157,7 @@ def test_with_a_system_it_comes_up_as_that_one(name: str, tuning: str, pins: int
     assert identity["PINS"] == pins and identity.parameter_source.startswith("saved")
     settings = system.TUNINGS[tuning]
     wanted = {**quantise(settings).values, "period_us": settings.period_us, **system.LINK}
+    wanted |= sensor_words(system, tuning)
     assert {key: found[key] for key in wanted} == wanted
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.physics.hand import Hand
-from plumb.systems.contracts import PINS, POSES, LinkedSensors
+from plumb.systems.contracts import PINS, POSES, sensor_words
 from plumb.tuning.quantise import quantise
 
 
@@ -38,8 +38,8 @@ def open_held(kind: str, name: str, seed: int, *, link: str = "serial", image: P
     board = VirtualBoard(image, link)
     system, live = systems.load(name), systems.load(name, PINS)
     tuning = system.TUNINGS[live.TUNING]
-    sensors = system.SENSOR_LINKS.get(live.TUNING, {}) if isinstance(system, LinkedSensors) else {}
-    configure_as(board, quantise(tuning), period_us=tuning.period_us, **system.LINK, **sensors)
+    words = {**system.LINK, **sensor_words(system, live.TUNING)}
+    configure_as(board, quantise(tuning), period_us=tuning.period_us, **words)
     live.Coupling(board.machine, plant)
     board.machine.advance_us(FOUND_US)
     return HeldBoard(board, hand)

@@ -20,7 +20,7 @@ from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.link.session import Session
 from plumb.spec import crsf, declarations
 from plumb.spec.protocol import FRAME_DLC
-from plumb.systems.contracts import PINS, Plant
+from plumb.systems.contracts import PINS, Plant, sensor_words
 from plumb.tuning.quantise import quantise
 
 FOLLOW_US = 1000
@@ -59,11 +59,12 @@ def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant
 
 def _save_as(mcu: NativeMcu, name: str) -> None:
     """Save the tuning for the board's own sensors, as `plumb params tuning SYSTEM --save` does."""
-    system = systems.load(name)
-    tuning = system.TUNINGS[systems.load(name, PINS).TUNING]
+    system, live = systems.load(name), systems.load(name, PINS)
+    tuning = system.TUNINGS[live.TUNING]
     with Session.open(mcu.uart) as session:
         params = quantise(tuning)
-        session.upload(params.words(), **params.link_words(), period_us=tuning.period_us, **system.LINK)
+        link = {**params.link_words(), **system.LINK, **sensor_words(system, live.TUNING)}
+        session.upload(params.words(), period_us=tuning.period_us, **link)
         session.execute_idle("SAVE")
 
 

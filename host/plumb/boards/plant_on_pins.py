@@ -16,7 +16,7 @@ from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.machine import Machine
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
-from plumb.systems.contracts import PINS, Plant, Scenario, fitted, link_words
+from plumb.systems.contracts import PINS, Plant, Scenario, fitted, link_words, sensor_words
 from plumb.tuning.quantise import ControlParams, quantise
 
 FOUND_US = 50_000
@@ -101,7 +101,8 @@ def boot_configured_as(machine: Machine, name: str, strap: str | None = None) ->
     tuning = system.TUNINGS[live.TUNING]
     with Session.open(machine.uart) as session:
         params = quantise(tuning)
-        session.upload(params.words(), **params.link_words(), period_us=tuning.period_us, **system.LINK)
+        link = {**params.link_words(), **system.LINK, **sensor_words(system, live.TUNING)}
+        session.upload(params.words(), period_us=tuning.period_us, **link)
         session.execute_idle("SAVE")
     set_strap(machine, strap or BY_PIN_SET[system.LINK.get("pins", 0)])
     machine.reset()

@@ -20,10 +20,10 @@ FAULTS = {bit: one.text for bit, one in status_bits.FAULTS.items()}
 PINS = {
     0: "standard",
     1: "bridge",
-    2: "quadrotor (PB4 at ground), which this image does not support: no actuator pin is driven",
+    2: "quadrotor",
     3: "none: PB4 and PB5 are both at ground, or not steady; no actuator pin is driven",
 }
-"""Pin set that the strap chose at the start: item PINS. The parameter pins has the first two."""
+"""Pin set that the strap chose at the start: item PINS. The parameter pins has the first three."""
 SOURCES = {
     0: "factory defaults",
     1: "saved in flash",

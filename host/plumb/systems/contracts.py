@@ -423,6 +423,11 @@ def link_words(system: System, scenario: Scenario) -> dict[str, int]:
     return {**system.LINK, **(scenario.link if isinstance(scenario, WiredScenario) else {})}
 
 
+def sensor_words(system: System, tuning: str) -> Mapping[str, int]:
+    """Parameters outside the control step that the sensors of a tuning need."""
+    return system.SENSOR_LINKS.get(tuning, {}) if isinstance(system, LinkedSensors) else {}
+
+
 def tuning_for(system: System, scenario: str) -> str:
     """The tuning that a scenario runs with unless told otherwise."""
     if _has_tuned_scenarios(cast(Hashable, system)):

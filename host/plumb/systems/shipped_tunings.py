@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from plumb import systems
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
-from plumb.systems.contracts import LinkedSensors
+from plumb.systems.contracts import sensor_words
 from plumb.tuning import quantities
 from plumb.tuning.quantise import quantise
 
@@ -36,8 +36,14 @@ def words_of(name: str, tuning: str | None) -> dict[str, int]:
     pins = {"pins": 0} if system.OUTPUTS else {}  # the pins of speed controllers, unless the system names others
     params = quantise(system.TUNINGS[chosen])
     period_us = system.TUNINGS[chosen].period_us
-    sensors = system.SENSOR_LINKS.get(chosen, {}) if isinstance(system, LinkedSensors) else {}
-    return {**params.values, **params.link_words(), "period_us": period_us, **pins, **system.LINK, **sensors}
+    return {
+        **params.values,
+        **params.link_words(),
+        "period_us": period_us,
+        **pins,
+        **system.LINK,
+        **sensor_words(system, chosen),
+    }
 
 
 def table_of(name: str, tuning: str | None) -> dict[str, int]:
