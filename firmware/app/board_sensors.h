@@ -33,6 +33,7 @@ typedef struct {
     uint32_t accel_rate;  /* ADXL345 BW_RATE: 0 to 15 */
     uint32_t gyro_filter; /* DLPF_CFG of ITG-3205 or MPU-6050: 0 to 6 */
     uint32_t imu_axis;    /* of the wheels: 0 x, 1 y, 2 z */
+    uint32_t marks_missing; /* 1: when six axes are lost, ticks go on with counts of INT16_MIN */
 } board_sensors_t;
 
 /* Why a digital sensor cannot be trusted. */
@@ -69,7 +70,7 @@ void board_sensor_health(board_health_t *health);
 void board_set_period_us(uint32_t period_us);
 
 /* True once per control period, when that period's sample is complete. Without data from all sensors in use
- * there is no tick. */
+ * there is no tick, unless marks_missing and there was one before. */
 bool board_take_tick(void);
 
 /* Raw counts of the last tick; 0 for channels that the sensors do not fill. */

@@ -42,12 +42,12 @@ static void receive(uint32_t now_us) {
 
 #if USED_RECEIVER
 /* Passes the bytes of the receiver to the session. */
-static void receive_sticks(void) {
+static void receive_sticks(uint32_t now_us) {
     uint8_t bytes[32];
     size_t count;
     do {
         count = board_receiver_read(bytes, sizeof bytes);
-        session_receive_sticks(&session, bytes, count);
+        session_receive_sticks(&session, bytes, count, now_us);
     } while (count == sizeof bytes);
 }
 #endif
@@ -108,36 +108,36 @@ typedef char control_assert_sensors[(int)CONTROL_SENSORS_NONE == (int)BOARD_SENS
 /* Chooses the sensors of the system; none while samples come from the host. Neither this function nor the
  * next is inlined, so that their locals do not add to the stack of the rest of the loop. */
 __attribute__((noinline)) static void choose_sensors(bool injected) {
-    const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE
-                                                     : control_system(&params.control)->sensors,
+    const control_system_t *const system = control_system(&params.control);
+    const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE : system->sensors,
                                     .oversample_log2 = params.adc_oversample_log2,
                                     .rail_ms = params.rail_ms,
                                     .stuck_ms = params.stuck_ms,
                                     .accel_bus = params.accel_bus,
                                     .accel_rate = params.accel_rate,
                                     .gyro_filter = params.gyro_filter,
-                                    .imu_axis = params.imu_axis};
+                                    .imu_axis = params.imu_axis,
+                                    .marks_missing = system->marks_missing};
     board_use_sensors(&wanted);
 }
 
-/* Passes the state of the board to the session; returns its faults (BOARD_FAULT_*). */
-__attribute__((noinline)) static uint32_t report(uint32_t now_us) {
+/* Passes the state of the board to the session. */
+__attribute__((noinline)) static void report(uint32_t now_us) {
     session_report_t said; /* every member is set; an initialiser would clear the whole first */
     said.faults = board_faults();
     said.switch_closed = board_arm_switch();
     said.can = board_can_health();
     board_sensor_health(&said.sensors);
     session_report(&session, &said, now_us);
-    return said.faults;
 }
 
-/* True when the last turn met the deadline, and an armed board has not missed a period. BOARD_FAULT_LATE
- * disarms the board: an image that is still armed then gets no watchdog feed, and so a reset. */
-static bool met_deadline(uint32_t now_us, uint32_t faults, bool armed) {
+/* True when the last turn met the deadline, and an armed board has not missed a period. That disarms the
+ * board: an image that is still armed then gets no watchdog feed, and so a reset. */
+static bool met_deadline(uint32_t now_us, bool late) {
     BOARD_GUARDED static uint32_t last_us;
     const uint32_t turn_us = now_us - last_us;
     last_us = now_us;
-    return turn_us <= DEADLINE_US && !(armed && (faults & BOARD_FAULT_LATE) != 0u);
+    return turn_us <= DEADLINE_US && !late;
 }
 
 /* Sets pulse frame and neutral pulse from the parameters in use, and the outputs to neutral. */
@@ -224,12 +224,12 @@ void loop_turn(void) {
     const uint32_t now_us = board_now_us();
     receive(now_us);
 #if USED_RECEIVER
-    receive_sticks();
+    receive_sticks(now_us);
 #endif
-    const uint32_t faults = report(now_us);
+    report(now_us);
     session_poll(&session, now_us);
     const session_orders_t orders = session_take_orders(&session, now_us);
-    if (met_deadline(now_us, faults, orders.armed)) {
+    if (met_deadline(now_us, orders.late)) {
         board_feed_watchdog();
     }
     board_can_join(orders.can_kbit, messages_from_host, MESSAGES_FROM_HOST);

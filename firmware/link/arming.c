@@ -59,19 +59,30 @@ bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
     return closed;
 }
 
+void arming_switch_unread(arming_t *a, uint32_t now_us) {
+    a->switch_closed = true;
+    a->switch_ready = false;
+    a->switch_trying = false;
+    a->switch_us = now_us;
+}
+
+bool arming_switch_used_up(const arming_t *a) {
+    return a->switch_closed && !a->switch_ready && !a->switch_trying;
+}
+
 uint16_t arming_switch_owns(const arming_t *a) {
-    const bool used_up = a->switch_closed && !a->switch_ready && !a->switch_trying;
+    const bool used_up = arming_switch_used_up(a);
 
     return USED_ACTUATORS && used_up && (a->by_switch || !arming_armed(a)) ? ARMING_BLOCK_SWITCH_OWNS : 0U;
 }
 
-void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us) {
+void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t ready_us, uint32_t hold_us, uint32_t now_us) {
     if (!USED_ACTUATORS || !a->switch_trying) {
         return;
     }
     const unsigned matters = blocked & ~ARMING_BLOCKS_HOST;
     const bool settling = matters == ARMING_BLOCK_NOT_READY || (matters == 0 && a->switch_settling);
-    const uint32_t limit_us = settling ? ARMING_SWITCH_READY_US : ARMING_SWITCH_TRY_US;
+    const uint32_t limit_us = settling ? ready_us : ARMING_SWITCH_TRY_US;
 
     a->switch_settling = matters == ARMING_BLOCK_NOT_READY;
     if (arming_armed(a) || now_us - a->switch_try_us > limit_us) {

@@ -30,7 +30,7 @@
 
 #define ARMING_SWITCH_US     20000U  /* contacts bounce for some ms */
 #define ARMING_SWITCH_TRY_US 100000U /* after closing the switch: limit for blocking reasons to clear */
-/* The same while ARMING_BLOCK_NOT_READY is the only reason: a run that has just begun is not ready. */
+/* The same while ARMING_BLOCK_NOT_READY is the only reason: a run that the switch began is not ready. */
 #define ARMING_SWITCH_READY_US 5000000U
 
 /* Why the board refuses to arm, or why it disarmed. Bits, as in STATUS. */
@@ -51,7 +51,8 @@
     0x1000U /* not at rest, converged, level and without a setpoint: PLAUSIBILITY says what is missing */
 #define ARMING_BLOCK_OWNER 0x2000U /* another link began the run, and alone may arm */
 #define ARMING_BLOCK_PARAMETER                                                                               \
-    0x4000U /* with the parameters in use an armed board would break a promise: params_unsafe() */
+    0x4000U /* with the parameters in use an armed board would break a promise: staging_unsafe() */
+#define ARMING_BLOCK_STOPPED 0x8000U /* the step has stopped the rotors: PLAUSIBILITY says why */
 /* Reasons that concern hosts only: they neither keep the switch from arming nor disarm it. */
 #define ARMING_BLOCKS_HOST                                                                                   \
     (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_SWITCH_OWNS | ARMING_BLOCK_OWNER)
@@ -97,18 +98,25 @@ bool arming_arm(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us
 /* Next value for the keep-alive of the host that armed, when one is due; else 0. */
 uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us);
 
-/* Feed the reading of the switch; call on every turn of the loop. True once for each closing that counts:
- * closed for ARMING_SWITCH_US after being open for as long. A switch that is closed at the start has to be
- * opened first. */
+/* Feed the reading of the switch, or of a pilot's; call on every turn of the loop. True once for each closing
+ * that counts: closed for ARMING_SWITCH_US after being open for as long. A switch that is closed at the start
+ * has to be opened first. */
 bool arming_switch(arming_t *a, bool closed, uint32_t now_us);
+
+/* The switch cannot be read: it has to be seen open once more before a closing counts. A board that is armed
+ * stays so. */
+void arming_switch_unread(arming_t *a, uint32_t now_us);
+
+/* True while a closed switch waits to be opened, because its closing was used up or never counted. */
+bool arming_switch_used_up(const arming_t *a);
 
 /* ARMING_BLOCK_SWITCH_OWNS while a closed switch keeps hosts from arming, else 0. */
 uint16_t arming_switch_owns(const arming_t *a);
 
 /* Call while switch_trying: arms as soon as no reason but ARMING_BLOCKS_HOST is left. Gives up after
- * ARMING_SWITCH_TRY_US, or ARMING_SWITCH_READY_US while ARMING_BLOCK_NOT_READY is the only reason; then the
- * switch has to be opened first. */
-void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us);
+ * ARMING_SWITCH_TRY_US, or ready_us while ARMING_BLOCK_NOT_READY is the only reason; then the switch has to
+ * be opened first. */
+void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t ready_us, uint32_t hold_us, uint32_t now_us);
 
 /* Handle a keep-alive. False, with no effect on the arming, when it is of another arming, when the value does
  * not count, when it comes too late (arming_poll() then disarms) or the board is disarmed. */

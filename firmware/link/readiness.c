@@ -22,6 +22,14 @@ void readiness_begin(readiness_t *r, const control_system_t *system) {
         plumb_plausibility_init(&r->now.plausibility);
     }
     r->disarmed_by = 0;
+    r->stopped = 0;
+}
+
+static uint16_t failed(const readiness_t *r, const control_system_t *checked) {
+    if (flies(checked)) {
+        return r->stopped;
+    }
+    return bounds_of(checked) != NULL ? r->now.plausibility.failed : 0U;
 }
 
 void readiness_step(readiness_t *r, const control_system_t *checked, const params_t *params,
@@ -29,33 +37,30 @@ void readiness_step(readiness_t *r, const control_system_t *checked, const param
     const plumb_plausibility_bounds_t *const bounds = bounds_of(checked);
 
     if (flies(checked)) {
+        const uint32_t why = ((const uint32_t *)words)[checked->takeoff->stopped];
+
         plumb_takeoff_step(&r->now.takeoff, checked->takeoff, words, US_Q33 * params->period_us);
+        r->stopped = (uint16_t)(why << READINESS_STOPPED_SHIFT);
+    } else if (bounds != NULL) {
+        plumb_plausibility_step(&r->now.plausibility, bounds, words, (int32_t)(US_Q33 * params->period_us),
+                                params->variance_turn2_q56);
     }
-    if (bounds == NULL) {
-        return;
-    }
-    plumb_plausibility_step(&r->now.plausibility, bounds, words, (int32_t)(US_Q33 * params->period_us),
-                            params->variance_turn2_q56);
-    if (armed && r->now.plausibility.failed != 0) {
-        r->disarmed_by = r->now.plausibility.failed; /* by the next poll */
+    if (armed && failed(r, checked) != 0) {
+        r->disarmed_by = failed(r, checked); /* by the next poll */
     }
 }
-
-static uint16_t failed(const readiness_t *r, const control_system_t *checked) {
-    return bounds_of(checked) != NULL ? r->now.plausibility.failed : 0U;
-}
-
 static uint16_t missing(const readiness_t *r, const control_system_t *checked) {
     if (flies(checked)) {
-        return (uint16_t)r->now.takeoff.missing;
+        return (uint16_t)(r->now.takeoff.missing | r->pilot);
     }
     return bounds_of(checked) != NULL ? r->now.plausibility.missing : 0U;
 }
 
 uint16_t readiness_blocked(const readiness_t *r, const control_system_t *checked, bool armed) {
+    const unsigned by_check = flies(checked) ? ARMING_BLOCK_STOPPED : ARMING_BLOCK_IMPLAUSIBLE;
     unsigned blocked = 0;
 
-    blocked |= failed(r, checked) != 0 ? ARMING_BLOCK_IMPLAUSIBLE : 0U;
+    blocked |= failed(r, checked) != 0 ? by_check : 0U;
     blocked |= missing(r, checked) != 0 && !armed ? ARMING_BLOCK_NOT_READY : 0U;
     return (uint16_t)blocked;
 }

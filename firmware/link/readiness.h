@@ -10,12 +10,22 @@
 #include "generated/params.h"
 #include "systems/control.h"
 
+/* What is missing on the side of a pilot's receiver: bits of PLAUSIBILITY.missing beside PLUMB_TAKEOFF_. */
+#define READINESS_RECEIVER  0x0020U /* it is lost, or was never heard */
+#define READINESS_SWITCH_ON 0x0040U /* the rotors are switched on: they have to be switched off first */
+#define READINESS_LOCKED    0x0080U /* the arm switch of the board is closed, which is its lock */
+
+/* PLUMB_QUADROTOR_STOPPED_ and the like begin here in PLAUSIBILITY.failed and disarmed_by. */
+#define READINESS_STOPPED_SHIFT 8U
+
 typedef struct {
     union {
         plumb_plausibility_t plausibility;
         plumb_takeoff_t takeoff; /* of a system that flies */
     } now;
     uint16_t disarmed_by; /* PLUMB_PLAUSIBILITY_ACCEL and so on: the checks that failed last while armed */
+    uint16_t stopped; /* why the step of a system that flies has stopped the rotors, shifted; 0: it has not */
+    uint16_t pilot;   /* READINESS_, set by the session on every turn */
 } readiness_t;
 
 /* Call at the start of a run of that system. */
@@ -25,8 +35,8 @@ void readiness_begin(readiness_t *r, const control_system_t *system);
 void readiness_step(readiness_t *r, const control_system_t *checked, const params_t *params,
                     const void *words, bool armed);
 
-/* ARMING_BLOCK_IMPLAUSIBLE while a check fails, ARMING_BLOCK_NOT_READY while a condition for arming is
- * missing and the board is not armed. */
+/* ARMING_BLOCK_IMPLAUSIBLE while a check fails, ARMING_BLOCK_STOPPED while the step has stopped the rotors,
+ * ARMING_BLOCK_NOT_READY while a condition for arming is missing and the board is not armed. */
 uint16_t readiness_blocked(const readiness_t *r, const control_system_t *checked, bool armed);
 
 /* PLAUSIBILITY. */

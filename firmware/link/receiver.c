@@ -6,6 +6,8 @@
 #define STICK_WHOLE  1639
 #define SWITCH_OFF   792 /* 1375 us of a pulse */
 #define SWITCH_ON    1192
+#define GESTURE_LOW  1638  /* of the throttle: 5 % */
+#define GESTURE_YAW  29491 /* 90 % */
 
 enum { ROLL, PITCH, THROTTLE, YAW, SWITCHES }; /* channels */
 enum { WORD_ROLL, WORD_PITCH, WORD_YAW, WORD_SWITCHES, WORD_RECEIVER };
@@ -39,24 +41,51 @@ static void follow_switch(receiver_t *r, unsigned number, uint16_t channel) {
     }
 }
 
-static void take_sticks(receiver_t *r, const crsf_t *c) {
+/* Low throttle, and yaw at the end that asks for the other position. */
+static void follow_gesture(receiver_t *r, uint32_t now_us) {
+    const int32_t left = r->words[WORD_YAW];
+    const bool asked = receiver_rotors_on(r) ? left >= GESTURE_YAW : left <= -GESTURE_YAW;
+
+    if (!asked || r->throttle_q15 > GESTURE_LOW || now_us - r->heard_us > RECEIVER_SILENCE_US) {
+        r->gesture_us = now_us;
+    } else if (now_us - r->gesture_us >= RECEIVER_GESTURE_US) {
+        r->gesture_us = now_us;
+        r->words[WORD_SWITCHES] ^= RECEIVER_ROTORS_ON;
+    }
+}
+
+static void take_sticks(receiver_t *r, const crsf_t *c, uint32_t now_us) {
     r->throttle_q15 = throttle_of(c);
     r->words[WORD_ROLL] = stick_of(c, ROLL);
     r->words[WORD_PITCH] = stick_of(c, PITCH);
     r->words[WORD_YAW] = (int16_t)-stick_of(c, YAW);
-    for (unsigned i = 0; i < RECEIVER_SWITCHES; i++) {
+    if (r->by_sticks) {
+        follow_gesture(r, now_us);
+    }
+    for (unsigned i = r->by_sticks ? 1U : 0U; i < RECEIVER_SWITCHES; i++) {
         follow_switch(r, i, crsf_channel(c, SWITCHES + i));
     }
 }
 
-void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count) {
+bool receiver_rotors_on(const receiver_t *r) {
+    return (r->words[WORD_SWITCHES] & RECEIVER_ROTORS_ON) != 0;
+}
+
+bool receiver_heard(receiver_t *r, uint32_t now_us) {
+    r->silent = r->silent || now_us - r->heard_us > RECEIVER_SILENCE_US;
+    return r->number != 0U && !r->silent && !r->lost;
+}
+
+void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count, uint32_t now_us) {
     for (size_t i = 0; i < count; i++) {
         switch (crsf_push(c, bytes[i])) {
         case CRSF_STICKS:
             r->number = (uint8_t)(r->number % UINT8_MAX + 1U);
             if (!r->lost) {
-                take_sticks(r, c);
+                take_sticks(r, c, now_us);
             }
+            r->heard_us = now_us;
+            r->silent = false;
             break;
         case CRSF_STATISTICS:
             r->lost = crsf_link_quality(c) == 0U;

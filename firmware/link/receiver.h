@@ -13,7 +13,11 @@
  *
  * The commands are those that a system with `command_source = "receiver"` declares first. While the link
  * quality is 0, frames are counted and sticks and switches stay as they are: what a receiver makes up then
- * moves nothing. How long ago the last frame came is counted within the step, from the number of the frame.
+ * moves nothing. How long ago the last frame came is counted within the step, from the number of the frame;
+ * what may be armed asks receiver_heard(), which knows the time.
+ *
+ * With `by_sticks` the sticks switch the rotors in place of channel 5: throttle low, and yaw at its right end
+ * for RECEIVER_GESTURE_US, is on; at its left end, off.
  */
 #ifndef PLUMB_LINK_RECEIVER_H
 #define PLUMB_LINK_RECEIVER_H
@@ -29,6 +33,11 @@
 #define RECEIVER_MODE_RATE 2
 #define RECEIVER_LOST      256 /* added to the number of the newest frame */
 
+#define RECEIVER_BY_STICKS 2U /* value of the parameter `receiver` */
+
+#define RECEIVER_SILENCE_US 100000U  /* without a frame for so long it is lost */
+#define RECEIVER_GESTURE_US 1000000U /* that sticks are held to switch the rotors */
+
 /* Zero at the start: no frame has come yet. */
 typedef struct {
     int16_t throttle_q15;
@@ -36,9 +45,20 @@ typedef struct {
     uint8_t number;                /* of the newest frame, 1 to 255 in a circle; 0: none has come */
     uint8_t equal[RECEIVER_SWITCHES]; /* frames in a row that ask for the other position */
     bool lost;                        /* the link quality is 0 */
+    bool silent;                      /* no frame for RECEIVER_SILENCE_US */
+    bool by_sticks;                   /* the caller's choice: the sticks switch the rotors */
+    uint32_t heard_us;                /* when the newest frame of channels came */
+    uint32_t gesture_us;              /* since when the sticks ask for the other position */
 } receiver_t;
 
-/* Handle bytes of the line. */
-void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count);
+/* Handle bytes of the line, which came until now. */
+void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count, uint32_t now_us);
+
+/* True while frames come and the receiver hears the transmitter. Call on every turn of the loop: it sees the
+ * silence. */
+bool receiver_heard(receiver_t *r, uint32_t now_us);
+
+/* True when the pilot has the rotors switched on, by the newest frames that counted. */
+bool receiver_rotors_on(const receiver_t *r);
 
 #endif

@@ -65,6 +65,10 @@ static uint16_t run_forbids_staged(const session_t *s, const request_t *q, uint1
     if (armed && s->run.links.owner != q->link) {
         return MESSAGE_NACK_REASON_OWNER;
     }
+    if (session_flown(s) && staging_unsafe(s->staging.table) != PARAMS_COUNT) { /* it would disarm */
+        *detail = staging_unsafe(s->staging.table);
+        return MESSAGE_NACK_REASON_UNSAFE_PARAMETER;
+    }
     const uint16_t word = params_fixed_change(s->params, s->staging.table, armed ? &s->staging.gains : NULL);
     if (s->run.mode == RUN_REALTIME && word == PARAMS_COUNT) {
         return 0;
@@ -76,6 +80,8 @@ static uint16_t run_forbids_staged(const session_t *s, const request_t *q, uint1
 static void on_param_commit(session_t *s, const request_t *q) {
     const uint32_t crc = message_param_commit_unpack(q->frame).crc;
     uint16_t detail = 0;
+
+    session_end_alone(s, q->now_us);
     uint16_t reason = run_forbids_staged(s, q, &detail);
 
     if (reason == 0) {
@@ -105,6 +111,11 @@ static void on_challenge(session_t *s, const request_t *q) {
 static uint16_t execute(session_t *s, const request_t *q, uint16_t verb) {
     uint16_t reason = 0;
 
+    if (verb == MESSAGE_EXECUTE_VERB_DISARM) {
+        arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
+        return 0;
+    }
+    session_end_alone(s, q->now_us);
     if (s->run.mode != RUN_IDLE || session_armed(s)) {
         return MESSAGE_NACK_REASON_BUSY;
     }
@@ -179,12 +190,23 @@ static run_links_t links_of_run(link_t owner, unsigned flags) {
     };
 }
 
+/* While a pilot holds the board armed, no frame that needs no nonce stops it: EXECUTE DISARM does. */
+static bool refused_in_flight(session_t *s, const request_t *q) {
+    if (session_flown(s)) {
+        routing_nack(&s->routing, q, MESSAGE_NACK_REASON_ARMED, s->run.step);
+        return true;
+    }
+    return false;
+}
+
 static void on_run_begin(session_t *s, const request_t *q) {
     const message_run_begin_t m = message_run_begin_unpack(q->frame);
     const unsigned flags = e2e_flags(q->frame);
 
     if (!nonce_answer(&s->nonce[q->link], m.run, m.nonce, q->now_us)) {
         routing_nack(&s->routing, q, MESSAGE_NACK_REASON_NONCE, 0);
+    } else if (refused_in_flight(s, q)) {
+        return;
     } else if (m.run < MESSAGE_RUN_BEGIN_RUN_LOCKSTEP || m.run > MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE ||
                ((flags & MESSAGE_RUN_BEGIN_SETPOINTS_ELSEWHERE) != 0U &&
                 control_system(&s->params->control)->owner_alone) ||
@@ -201,12 +223,18 @@ static void on_run_begin(session_t *s, const request_t *q) {
 /* ---- run, arming ---- */
 
 static void on_run_end(session_t *s, const request_t *q) {
+    if (refused_in_flight(s, q)) {
+        return;
+    }
     arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
     run_end(&s->run);
     routing_ack(&s->routing, q, s->run.step);
 }
 
 static void on_disarm(session_t *s, const request_t *q) {
+    if (refused_in_flight(s, q)) {
+        return;
+    }
     arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
     routing_ack(&s->routing, q, 0);
 }

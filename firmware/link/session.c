@@ -35,6 +35,32 @@ static bool actuator_present(const session_t *s) {
     }
 }
 
+#if USED_RECEIVER
+static bool has_receiver(const session_t *s) {
+    return s->params->receiver != 0U && control_system(&s->params->control)->has_receiver;
+}
+#else
+static bool has_receiver(const session_t *s) {
+    (void)s;
+    return false;
+}
+#endif
+
+bool session_flown(const session_t *s) {
+    return has_receiver(s) && arming_armed(&s->arming) && s->arming.by_switch;
+}
+
+static bool faulty(const session_t *s) {
+    const unsigned blocking = session_flown(s) ? SESSION_FAULTS_FLOWN : SESSION_FAULTS_BLOCKING;
+
+    return (s->status.faults & blocking) != 0 || s->step_overdue;
+}
+
+/* A pilot may not raise the throttle, nor anyone move the vehicle, before the rotors turn. */
+static bool past_takeoff(const session_t *s) {
+    return session_flown(s) ? arming_driving(&s->arming) : arming_armed(&s->arming);
+}
+
 /* ARMING_BLOCK_* for the host of a link; LINK_NONE: without a host. */
 static uint16_t arming_blocked(const session_t *s, link_t link) {
     const routing_link_t *const l = link != LINK_NONE ? &s->routing.link[link] : NULL;
@@ -45,16 +71,16 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     blocked |= l != NULL && l->greeted ? 0U : ARMING_BLOCK_HELLO;
     blocked |= mode == RUN_IDLE ? ARMING_BLOCK_IDLE : 0U;
     blocked |= mode == RUN_LOCKSTEP ? ARMING_BLOCK_LOCKSTEP : 0U;
-    blocked |= (s->status.faults & SESSION_FAULTS_BLOCKING) != 0 ? ARMING_BLOCK_FAULT : 0U;
+    blocked |= faulty(s) ? ARMING_BLOCK_FAULT : 0U;
     blocked |= l != NULL && l->open && !l->read_only ? 0U : ARMING_BLOCK_CLOSED;
     blocked |= mode != RUN_IDLE && s->run.links.owner != link ? ARMING_BLOCK_OWNER : 0U;
     blocked |= run_injected(&s->run) && injected_stale(&s->run.injected) ? ARMING_BLOCK_SAMPLES : 0U;
     blocked |= actuator_present(s) ? 0U : ARMING_BLOCK_PINS;
-    blocked |= arming_switch_owns(&s->arming);
+    blocked |= has_receiver(s) ? 0U : arming_switch_owns(&s->arming);
     blocked |= system->output != CONTROL_OUTPUT_NONE && s->staging.unsafe != PARAMS_COUNT
                    ? ARMING_BLOCK_PARAMETER
                    : 0U;
-    blocked |= readiness_blocked(&s->readiness, checked(s), arming_armed(&s->arming));
+    blocked |= readiness_blocked(&s->readiness, checked(s), past_takeoff(s));
     return (uint16_t)blocked;
 }
 
@@ -82,12 +108,9 @@ void session_link_lost(session_t *s, link_t link, uint16_t cause) {
 /* ---- a turn: state of the board, and orders to it ---- */
 
 #if USED_RECEIVER
-void session_receive_sticks(session_t *s, const uint8_t *bytes, size_t count) {
-    receiver_push(&s->receiver, &s->buffers->crsf, bytes, count);
-}
-
-static bool has_receiver(const session_t *s) {
-    return s->params->receiver != 0U && control_system(&s->params->control)->has_receiver;
+void session_receive_sticks(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us) {
+    s->receiver.by_sticks = s->params->receiver == RECEIVER_BY_STICKS;
+    receiver_push(&s->receiver, &s->buffers->crsf, bytes, count, now_us);
 }
 
 /* The sticks of a run in real time are the receiver's. */
@@ -113,6 +136,55 @@ void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
     readiness_begin(&s->readiness, control_system(&s->params->control));
 }
 
+#if USED_RECEIVER
+/* What keeps a board that is not armed from being armed, on the side of the pilot: READINESS_. */
+static uint16_t pilot_missing(const session_t *s, bool heard, bool locked) {
+    unsigned missing = locked ? READINESS_LOCKED : 0U;
+
+    if (!heard) {
+        missing |= READINESS_RECEIVER;
+    } else if (arming_switch_used_up(&s->arming)) {
+        missing |= READINESS_SWITCH_ON;
+    }
+    return (uint16_t)(arming_armed(&s->arming) ? 0U : missing);
+}
+
+/* The switch of the pilot arms and disarms, in any run in real time. A run begins without a host, too,
+ * because the step has to see the switch off before it is on. While the receiver is not heard an armed board
+ * leaves the rotors to the step; a board that is not armed has to see the switch off once more. */
+static void follow_pilot(session_t *s, bool locked, uint32_t now_us) {
+    const bool heard = receiver_heard(&s->receiver, now_us);
+
+    if (heard) {
+        (void)arming_switch(&s->arming, receiver_rotors_on(&s->receiver), now_us);
+    } else if (!arming_armed(&s->arming)) {
+        arming_switch_unread(&s->arming, now_us);
+    }
+    s->readiness.pilot = pilot_missing(s, heard, locked);
+    if (s->arming.switch_trying) {
+        arming_try_switch(&s->arming, arming_blocked(s, s->run.links.owner), ARMING_SWITCH_TRY_US, hold_us(s),
+                          now_us);
+    }
+    if (s->run.mode != RUN_IDLE || s->bootloader_asked || !actuator_present(s)) {
+        s->busy_us = now_us;
+    } else if (now_us - s->busy_us >= SESSION_ALONE_US) {
+        session_begin_run(s, MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE,
+                          (run_links_t){LINK_NONE, LINK_NONE, LINK_NONE});
+    }
+}
+#endif
+
+void session_end_alone(session_t *s, uint32_t now_us) {
+#if USED_RECEIVER
+    if (has_receiver(s) && s->run.stand_alone && !arming_armed(&s->arming)) {
+        run_end(&s->run);
+    }
+    s->busy_us = now_us;
+#else
+    (void)s, (void)now_us;
+#endif
+}
+
 /* Closing the switch while no run is on starts a live run of the system in use. That run ends when it is
  * disarmed, so that the next closing begins with a fresh state. */
 static void follow_switch(session_t *s, bool closed, uint32_t now_us) {
@@ -124,7 +196,8 @@ static void follow_switch(session_t *s, bool closed, uint32_t now_us) {
                           (run_links_t){LINK_NONE, LINK_NONE, LINK_NONE});
     }
     if (s->arming.switch_trying) {
-        arming_try_switch(&s->arming, arming_blocked(s, s->run.links.owner), hold_us(s), now_us);
+        arming_try_switch(&s->arming, arming_blocked(s, s->run.links.owner), ARMING_SWITCH_READY_US,
+                          hold_us(s), now_us);
     }
     if (s->run.stand_alone && !arming_armed(&s->arming) && !s->arming.switch_trying) {
         run_end(&s->run);
@@ -135,7 +208,19 @@ void session_report(session_t *s, const session_report_t *report, uint32_t now_u
     s->status.faults = report->faults | staging_faults(&s->staging);
     s->status.can = report->can;
     s->status.sensors = report->sensors;
+#if USED_RECEIVER
+    if (has_receiver(s)) {
+        follow_pilot(s, report->switch_closed, now_us);
+        return;
+    }
+    s->readiness.pilot = 0;
+#endif
     follow_switch(s, report->switch_closed, now_us);
+}
+
+/* True when steps come too late for a board that is armed. One that a pilot flies may miss a few. */
+static bool late(const session_t *s) {
+    return s->step_overdue || (!session_flown(s) && (s->status.faults & BOARD_FAULT_LATE) != 0U);
 }
 
 session_orders_t session_take_orders(session_t *s, uint32_t now_us) {
@@ -145,6 +230,7 @@ session_orders_t session_take_orders(session_t *s, uint32_t now_us) {
         .live = s->run.live,
         .armed = arming_armed(&s->arming),
         .driving = arming_driving(&s->arming),
+        .late = arming_armed(&s->arming) && late(s),
         .bootloader = s->bootloader_asked && now_us - s->bootloader_us >= BOOTLOADER_AFTER_US,
         .period_us = s->run.mode == RUN_REALTIME ? s->params->period_us : 0U,
         .can_kbit = s->routing.can_kbit,
@@ -328,9 +414,8 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     if (routing_poll(&s->routing, s->params->can_bitrate_kbit, now_us)) {
         session_link_lost(s, LINK_CAN, ARMING_BLOCK_CLOSED);
     }
-    if (run_step_overdue(&s->run, s->params->period_us, now_us)) {
-        s->status.faults |= BOARD_FAULT_LATE;
-    }
+    s->step_overdue = run_step_overdue(&s->run, s->params->period_us, now_us);
+    s->status.faults |= s->step_overdue ? BOARD_FAULT_LATE : 0U;
     run_poll(&s->run, s->params->period_us, now_us);
     check_injected(s);
     arming_poll(&s->arming, arming_blocked(s, s->run.links.owner), now_us);

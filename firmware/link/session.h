@@ -41,7 +41,9 @@
 #include "systems/control.h"
 #include "telemetry.h"
 
-#define SESSION_FAULTS_BLOCKING 0xE0FFU /* of BOARD_FAULT_*: these disarm */
+#define SESSION_FAULTS_BLOCKING 0xE0FFU  /* of BOARD_FAULT_*: these disarm, */
+#define SESSION_FAULTS_FLOWN    0x6000U  /* and these alone a board that a pilot armed: STALLED, UPSET */
+#define SESSION_ALONE_US        1000000U /* without a run for so long the board begins one for its pilot */
 
 /* Buffers: queued frames, samples and digests, and parameters not in use yet. They need no check word: frames
  * carry a CRC, and staged parameters are committed by theirs. */
@@ -73,7 +75,9 @@ typedef struct {
     status_t status;
 #if USED_RECEIVER
     receiver_t receiver;
+    uint32_t busy_us; /* when a run was last on, or a host last asked for a board without one */
 #endif
+    bool step_overdue; /* no step of the run in real time comes (run.h) */
     random_t random;
     nonce_t nonce[LINKS]; /* valid only on the link that asked for it */
     long_replies_t long_replies[LINKS];
@@ -96,6 +100,7 @@ typedef struct {
     bool live;  /* real time with the board's own sensors */
     bool armed;
     bool driving;       /* armed, and neutral was held long enough: the actuator may move */
+    bool late;          /* armed although steps come late: the watchdog is not fed */
     bool bootloader;    /* enter the ROM bootloader: it was asked for, and the reply has had time to go out */
     uint32_t period_us; /* of the timer; 0: it stands still */
     uint32_t can_kbit;  /* of CAN: the parameter; a change waits until no host is connected over CAN */
@@ -119,9 +124,15 @@ void session_report(session_t *s, const session_report_t *report, uint32_t now_u
 
 #if USED_RECEIVER
 /* Handle bytes of the receiver. In a run in real time of a system that has one, while the parameter
- * `receiver` is not 0, they set setpoint and commands, and no host does. */
-void session_receive_sticks(session_t *s, const uint8_t *bytes, size_t count);
+ * `receiver` is not 0, they set setpoint and commands, and no host does. Its switch arms (follow_pilot()).
+ */
+void session_receive_sticks(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us);
 #endif
+
+/* True while a pilot's switch holds the board armed. Then no host ends or begins a run, the link of a host
+ * does not matter, and of the board's faults only SESSION_FAULTS_FLOWN, and steps that do not come, disarm:
+ * in the air a reason that is none is a crash. The step handles lost sensors and a lost receiver itself. */
+bool session_flown(const session_t *s);
 
 /* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop after session_report(), at
  * least once per millisecond. */
@@ -170,6 +181,10 @@ void session_report_parameters(session_t *s, uint32_t crc);
 
 /* Enter the ROM bootloader after the reply is out, unless a run begins or the board is armed before that. */
 void session_ask_bootloader(session_t *s, uint32_t now_us);
+
+/* End the run that the board has begun for a pilot, unless it is armed: a host asks for something that waits
+ * for the end of a run. */
+void session_end_alone(session_t *s, uint32_t now_us);
 
 /* Send PLAUSIBILITY to one link. */
 void session_send_readiness(session_t *s, link_t link);

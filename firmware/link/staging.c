@@ -2,9 +2,14 @@
 #include "app/board.h"
 #include "app/board_guard.h"
 #include "generated/messages.h"
+#include "generated/used_parts.h"
+
+uint16_t staging_unsafe(const params_t *p) {
+    return USED_ACTUATORS ? params_unsafe(p) : PARAMS_COUNT;
+}
 
 void staging_init(staging_t *s, params_t *table, const params_t *in_use) {
-    *s = (staging_t){.table = table, .unsafe = params_unsafe(in_use), .gains = params_live(in_use)};
+    *s = (staging_t){.table = table, .unsafe = staging_unsafe(in_use), .gains = params_live(in_use)};
     *table = *in_use;
 }
 
@@ -96,7 +101,7 @@ void staging_defaults(staging_t *s) {
 void staging_apply(staging_t *s, params_t *in_use, bool armed) {
     *in_use = *s->table;
     board_parameters_seal();
-    s->unsafe = params_unsafe(in_use);
+    s->unsafe = staging_unsafe(in_use);
     if (!armed) {
         s->gains = params_live(in_use);
     }

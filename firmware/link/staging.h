@@ -19,10 +19,14 @@ typedef struct {
     link_t by;            /* the link of that host */
     store_report_t saved; /* what flash holds */
     uint16_t source;      /* of the parameters in use: store_found_t or STAGING_FROM_HOST */
-    uint16_t unsafe;      /* params_unsafe() of the parameters in use */
+    uint16_t unsafe;      /* staging_unsafe() of the parameters in use */
     params_live_t
         gains; /* of the table that came into use last while disarmed: at arming, of an armed board */
 } staging_t;
+
+/* Index of the first parameter with which an armed board would break a promise, PARAMS_COUNT: none. An image
+ * that drives nothing is never armed, and names none. */
+uint16_t staging_unsafe(const params_t *p);
 
 /* Nothing is staged, nothing is saved. table: in memory that the caller keeps; becomes a copy of *in_use. */
 void staging_init(staging_t *s, params_t *table, const params_t *in_use);

@@ -94,7 +94,7 @@ size_t receiver_follow(const uint8_t *bytes, size_t count, receiver_row_t *rows)
     for (size_t i = 0; i < count; i++) {
         const crsf_event_t kind = crsf_push(&same, bytes[i]);
 
-        receiver_push(&r, &c, &bytes[i], 1);
+        receiver_push(&r, &c, &bytes[i], 1, 0U);
         if (kind == CRSF_NOTHING) {
             continue;
         }

@@ -139,9 +139,9 @@ static void handle(void) {
     const uint32_t value = arming_issue(&a, &chance, NOW); /* of a host that armed before */
     arming_disarm(&a, ARMING_BLOCK_COMMAND);
     uint32_t now_us = close_switch(&a);
-    arming_try_switch(&a, GONE, hold_us, now_us);
+    arming_try_switch(&a, GONE, ARMING_SWITCH_READY_US, hold_us, now_us);
     CHECK(!arming_armed(&a));
-    arming_try_switch(&a, ARMING_BLOCKS_HOST, hold_us, now_us + ARMING_SWITCH_TRY_US);
+    arming_try_switch(&a, ARMING_BLOCKS_HOST, ARMING_SWITCH_READY_US, hold_us, now_us + ARMING_SWITCH_TRY_US);
     CHECK(arming_armed(&a) && a.by_switch);             /* what concerns a host alone is not in its way */
     CHECK(!arming_keepalive(&a, a.number, value, NOW)); /* nor does one hold it */
     CHECK(arming_issue(&a, &chance, now_us + ARMING_SWITCH_TRY_US) == 0U);
@@ -150,31 +150,35 @@ static void handle(void) {
 
     arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
-    arming_try_switch(&a, GONE, hold_us, now_us + ARMING_SWITCH_TRY_US);
-    arming_try_switch(&a, 0U, hold_us, now_us + ARMING_SWITCH_TRY_US + 1U);
+    arming_try_switch(&a, GONE, ARMING_SWITCH_READY_US, hold_us, now_us + ARMING_SWITCH_TRY_US);
+    arming_try_switch(&a, 0U, ARMING_SWITCH_READY_US, hold_us, now_us + ARMING_SWITCH_TRY_US + 1U);
     CHECK(!arming_armed(&a)); /* what was in the way went too late */
 
     arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
-    arming_try_switch(&a, GONE, hold_us, now_us);
-    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, hold_us, now_us + ARMING_SWITCH_TRY_US);
-    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, hold_us, now_us + ARMING_SWITCH_READY_US - 1U);
+    arming_try_switch(&a, GONE, ARMING_SWITCH_READY_US, hold_us, now_us);
+    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, ARMING_SWITCH_READY_US, hold_us,
+                      now_us + ARMING_SWITCH_TRY_US);
+    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, ARMING_SWITCH_READY_US, hold_us,
+                      now_us + ARMING_SWITCH_READY_US - 1U);
     CHECK(!arming_armed(&a) && a.switch_trying); /* a run that has just begun is not ready for a while */
-    arming_try_switch(&a, 0U, hold_us, now_us + ARMING_SWITCH_READY_US);
+    arming_try_switch(&a, 0U, ARMING_SWITCH_READY_US, hold_us, now_us + ARMING_SWITCH_READY_US);
     CHECK(arming_armed(&a));
 
     arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
-    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, hold_us, now_us + ARMING_SWITCH_TRY_US + 1U);
-    arming_try_switch(&a, GONE | ARMING_BLOCK_NOT_READY, hold_us, now_us + ARMING_SWITCH_TRY_US + 2U);
-    arming_try_switch(&a, 0U, hold_us, now_us + ARMING_SWITCH_TRY_US + 3U);
+    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, ARMING_SWITCH_READY_US, hold_us,
+                      now_us + ARMING_SWITCH_TRY_US + 1U);
+    arming_try_switch(&a, GONE | ARMING_BLOCK_NOT_READY, ARMING_SWITCH_READY_US, hold_us,
+                      now_us + ARMING_SWITCH_TRY_US + 2U);
+    arming_try_switch(&a, 0U, ARMING_SWITCH_READY_US, hold_us, now_us + ARMING_SWITCH_TRY_US + 3U);
     CHECK(!arming_armed(&a)); /* a fault meanwhile ends the waiting */
 
     arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
-    arming_try_switch(&a, GONE, hold_us, now_us);
+    arming_try_switch(&a, GONE, ARMING_SWITCH_READY_US, hold_us, now_us);
     CHECK(!arming_switch(&a, false, now_us + 1000U));
-    arming_try_switch(&a, 0U, hold_us, now_us + 1000U);
+    arming_try_switch(&a, 0U, ARMING_SWITCH_READY_US, hold_us, now_us + 1000U);
     CHECK(!arming_armed(&a)); /* let go before it went */
 }
 

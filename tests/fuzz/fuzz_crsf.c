@@ -114,7 +114,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *input, size_t length) {
     }
     for (size_t i = 0; i < size; i++) {
         const receiver_t before = r;
-        receiver_push(&r, &c, &data[i], 1U);
+        receiver_push(&r, &c, &data[i], 1U, 0U);
         check_limits(&r);
         kind = crsf_push(&alone, data[i]);
         frames += kind != CRSF_NOTHING;
@@ -134,9 +134,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *input, size_t length) {
     }
     /* After so many bytes that begin no frame, the next frame is heard. */
     uint8_t crc = reference_crc(&statistics[2], sizeof statistics - 2U);
-    receiver_push(&r, &c, quiet, sizeof quiet);
-    receiver_push(&r, &c, statistics, sizeof statistics);
-    receiver_push(&r, &c, &crc, 1U);
+    receiver_push(&r, &c, quiet, sizeof quiet, 0U);
+    receiver_push(&r, &c, statistics, sizeof statistics, 0U);
+    receiver_push(&r, &c, &crc, 1U, 0U);
     REQUIRE(!r.lost && r.words[4] == r.number);
     return 0;
 }

@@ -29,6 +29,7 @@ typedef struct {
     uint8_t rate;     /* turn/s Q28, the first of three axes */
     uint8_t up_z;     /* vertical component of the body's z axis, Q30 */
     uint8_t variance; /* of the tilt, rad^2 Q32 */
+    uint8_t stopped;  /* why the step has stopped the rotors, until they are switched off; 0: it has not */
     int32_t throttle_max_q15;
     uint32_t rest_turnps_q28; /* largest mean, over 0.25 s, of the fastest axis' rate */
     int32_t up_z_min_q30;

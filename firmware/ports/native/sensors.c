@@ -12,6 +12,7 @@ static struct {
     uint32_t period_us; /* 0: stopped */
     uint32_t done, taken, late;
     uint32_t faults;
+    bool gave_six_axes; /* since board_use_sensors() */
     int16_t raw[BOARD_RAW_MAX];
 } sensors;
 
@@ -52,13 +53,19 @@ uint32_t sensors_faults(void) {
            sensors.late << BOARD_FAULT_LATE_COUNT_SHIFT;
 }
 
+static bool digital_good(void) {
+    return (cause(native.gyro) | cause(native.accel)) == BOARD_SENSOR_GOOD;
+}
+
 static bool gives_samples(void) {
     switch (sensors.use.kind) {
     case BOARD_SENSORS_NONE:
         return true;
-    case BOARD_SENSORS_BALANCE:
     case BOARD_SENSORS_SIX_AXES:
-        return (cause(native.gyro) | cause(native.accel)) == BOARD_SENSOR_GOOD;
+        sensors.gave_six_axes = sensors.gave_six_axes || digital_good();
+        return digital_good() || (sensors.gave_six_axes && sensors.use.marks_missing);
+    case BOARD_SENSORS_BALANCE:
+        return digital_good();
     default:
         return native.adc_dead == 0u;
     }
@@ -70,7 +77,8 @@ static void sample(void) {
                                      [BOARD_SENSORS_ANALOG_6] = 6u,
                                      [BOARD_SENSORS_BALANCE] = 4u,
                                      [BOARD_SENSORS_SIX_AXES] = 6u};
-    const uint32_t bad = sensors.use.kind == BOARD_SENSORS_ANALOG_6 ? native.railed | native.stuck : 0u;
+    const uint32_t lost = sensors.use.kind == BOARD_SENSORS_SIX_AXES && !digital_good() ? 0x3fu : 0u;
+    const uint32_t bad = sensors.use.kind == BOARD_SENSORS_ANALOG_6 ? native.railed | native.stuck : lost;
     for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
         const int32_t count = i < filled[sensors.use.kind] ? native.raw[i] : 0;
         sensors.raw[i] = (bad >> i & 1u) != 0u ? INT16_MIN : (int16_t)count;
@@ -100,6 +108,7 @@ void board_use_sensors(const board_sensors_t *wanted) {
     board_set_period_us(0u);
     sensors.use = *wanted;
     sensors.used_ns = port_now_ns();
+    sensors.gave_six_axes = false;
     board_set_period_us(period_us);
 }
 

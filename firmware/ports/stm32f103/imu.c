@@ -4,8 +4,8 @@
  * Everything here runs in interrupts of one priority: imu_period() once a period, imu_poll_ms() every
  * millisecond, imu_transferred() at the end of an access. One access is under way at a time; imu_poll_ms()
  * aborts one that takes longer than 2 ms. A failed access is tried three times; then the sensor is lost, the
- * bus is cleared, and the sensor is set up anew every 20 ms. Without both sensors there is no sample, and so
- * no tick. */
+ * bus is cleared, and the sensor is set up anew every 20 ms. Without both sensors there is no sample, and
+ * so no tick; but once there was one, a system that marks missing samples gets counts of INT16_MIN. */
 #include "imu.h"
 #include "bridge.h"
 #include "generated/used_parts.h"
@@ -45,6 +45,7 @@ static uint16_t failures;                /* accesses that failed, modulo 2^16 */
 static uint8_t bytes[1u + IMU_DATA_MAX]; /* SPI: the command first */
 static int16_t axes[SENSORS][3];
 static uint32_t period_us; /* between two samples */
+static bool gave_six_axes; /* since imu_use() */
 
 static bool on_spi(uint32_t sensor) {
     return sensor == ACCEL && use.accel_bus == BOARD_ACCEL_SPI;
@@ -197,6 +198,7 @@ static void publish(void) {
             raw[axis] = axes[GYRO][axis];
             raw[AXIS_LAST + 1u + axis] = axes[ACCEL][axis];
         }
+        gave_six_axes = true;
     } else { /* the rate about the wheels' axis, and the accelerations along the other two axes */
         const uint32_t axis = use.imu_axis;
         raw[0] = axes[GYRO][axis];
@@ -251,9 +253,23 @@ void imu_transferred(transfer_t result) {
     }
 }
 
+static void publish_missing(void) {
+    int16_t *const raw = samples_next();
+    for (uint32_t i = 0u; i < 2u * (AXIS_LAST + 1u); i++) {
+        raw[i] = INT16_MIN;
+    }
+    samples_publish();
+}
+
 void imu_period(uint32_t length_us) {
     period_us = length_us;
-    if (!USED_DIGITAL || !all_up()) {
+    if (!USED_DIGITAL) {
+        return;
+    }
+    if (!all_up()) {
+        if (gave_six_axes && use.marks_missing) {
+            publish_missing();
+        }
         return;
     }
     if (phase != REST) {
@@ -321,6 +337,7 @@ void imu_use(const board_sensors_t *wanted) {
         sensors[i] = (sensor_t){.cause = BOARD_SENSOR_STARTING};
     }
     tries = 0u;
+    gave_six_axes = false;
     if (wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES) {
         phase = RECOVER;
     }

@@ -91,7 +91,7 @@ def disarmed_text(cause: int, said: dict[str, int], unread: str = "") -> str:
     that was lost."""
     checks = bits_text(said.get("disarmed_by", 0), IMPLAUSIBLE)
     text = bits_text(cause, BLOCKED) + (unread if cause & KEEPALIVE_LOST else "")
-    return f"{text}: {checks}" if cause >> 11 & 1 and checks != "none" else text
+    return f"{text}: {checks}" if cause & (1 << 11 | 1 << 15) and checks != "none" else text
 
 
 @dataclass(frozen=True)

@@ -138,9 +138,15 @@ class Session(BoardFrames):
         self.setpoint.begin(self.input_layout().neutral)
 
     def end(self) -> int:
-        """End the run and disarm; returns its number of steps, modulo 2^16."""
+        """End the run and disarm; returns its number of steps, modulo 2^16. While a pilot's switch holds the board
+        armed the run goes on without this host."""
         self._let_go()
-        return self.request("RUN_END", 0, 0)["detail"]
+        try:
+            return self.request("RUN_END", 0, 0)["detail"]
+        except NackError as error:
+            if error.reason != "ARMED":
+                raise
+            return error.detail
 
     def arm(self, ready_wait_s: float = READY_WAIT_S) -> None:
         """Arm. The caller must then call `receive` or `pump` every few milliseconds: a keep-alive value expires 40 ms
@@ -175,8 +181,14 @@ class Session(BoardFrames):
                     self.receive(left_s)
 
     def disarm(self) -> None:
+        """Disarm the board. One that a pilot's switch holds armed obeys only a command with a nonce."""
         self._let_go()
-        self.request("DISARM", 0, 0)
+        try:
+            self.request("DISARM", 0, 0)
+        except NackError as error:
+            if error.reason != "ARMED":
+                raise
+            execute_with_nonce(self, "EXECUTE", self.protocol["EXECUTE"].value("verb", "DISARM"))
 
     def input_layout(self) -> InputLayout:
         """The inputs of a step of the system in use."""

@@ -31,6 +31,7 @@ BLOCKED = {
     12: Bit("not_ready", "it is not ready to be armed"),
     13: Bit("other_link", "another link began the run, and alone may arm"),
     14: Bit("parameter", "with its parameters an armed board would break a promise: plumb doctor names the parameter"),
+    15: Bit("rotors_stopped", "the step has stopped the rotors: switch them off before they may turn again"),
 }
 """Why arming is refused (STATUS.blocked), and what ended the last armed time (EVENTS.disarm_cause)."""
 FAULTS = {
@@ -70,14 +71,22 @@ IMPLAUSIBLE = {
         "the accelerometer's tilt is far from what the filter expects: check the axes of gyro and accelerometer",
     ),
     2: Bit("turn", "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign"),
+    8: Bit("no_samples", "the step stopped the rotors: no samples came"),
+    9: Bit("on_its_back", "the step stopped the rotors: it lay on its back at rest"),
+    10: Bit("idle", "the step stopped the rotors: it stood on the ground with the throttle low"),
+    11: Bit("receiver", "the step stopped the rotors: the receiver was lost"),
+    12: Bit("vertical", "the step stopped the rotors: on the ground it did not know the vertical yet"),
 }
-"""PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h."""
+"""PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h; from bit 8 on the word stop_reason of what flies."""
 NOT_READY = {
     0: Bit("settling", "it has not been ready for 0.3 s yet"),
     1: Bit("at_rest", "it moves: hold it still"),
     2: Bit("converged", "the filter has not converged: hold it still"),
     3: Bit("setpoint", "the setpoint is not 0"),
     4: Bit("tilt", "it is tilted too far: bring it level or upright"),
+    5: Bit("receiver_heard", "the pilot's receiver is lost, or was never heard"),
+    6: Bit("rotors_off", "the pilot's switch is on: switch the rotors off first"),
+    7: Bit("lock_open", "the arm switch on the board is closed: it locks out the pilot"),
 }
 """PLAUSIBILITY.missing."""
 ANALOG_INPUTS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
