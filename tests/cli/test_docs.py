@@ -71,11 +71,12 @@ def test_every_link_leads_somewhere(page: Path) -> None:
 
 def test_parameters_that_the_guide_sets_exist_and_take_the_value() -> None:
     tables = {system: shipped_tunings.table_of(system, None) for system in systems.SYSTEMS}
-    text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "tutorials/bring-up").glob("*.md"))
-    lines = re.findall(r"plumb params set ([^\n]*)", text)
+    pages = {page.stem: page.read_text(encoding="utf-8") for page in (DOCS / "tutorials/bring-up").glob("*.md")}
+    text = "".join(pages.values())
+    lines = [(page, line) for page, whole in pages.items() for line in re.findall(r"plumb params set ([^\n]*)", whole)]
     assert lines
-    for line in lines:
-        table = tables["quad" if line.startswith("esc") else "balancer"]
+    for page, line in lines:
+        table = tables.get(page, tables["quad" if line.startswith("esc") else "balancer"])
         assignments = [part for part in line.split() if "=" in part]
         quantities.changed(table, quantities.assignments(assignments, table))
     names = re.findall(r"\b((?:esc\.\w+|arm_hold_ms|esc_period_us))\b", text)
