@@ -12,11 +12,12 @@
 #define SPEED_LIMIT_Q26     INT32_MAX /* 32 g^2 s^2: largest variance of a measured velocity */
 #define TILT_STEP_LIMIT_Q28 (1 << 26) /* largest correction of the tilt in a block, rad */
 #define ALIGNING_BLOCKS     4U
-#define LEAST_REST_Q16      59146U    /* 0.95^2 g^2: the acceleration of a body at rest */
-#define MOST_REST_Q16       72253U    /* 1.05^2 g^2 */
-#define MOST_BY_TURN        (1 << 30) /* growth of the tilt's variance by the square of a turn, Q32 */
-#define RISE_LIMIT_Q18      157286    /* 0.6 g: no body accelerates downwards so much for seconds */
-#define RESTING_SQUARE_Q24  104857600 /* (2.5 g s)^2: a body at rest is not as fast as 25 m/s */
+#define LEAST_REST_Q16      59146U     /* 0.95^2 g^2: the acceleration of a body at rest */
+#define MOST_REST_Q16       72253U     /* 1.05^2 g^2 */
+#define MOST_BY_TURN        (1 << 30)  /* growth of the tilt's variance by the square of a turn, Q32 */
+#define RISE_LIMIT_Q18      157286     /* 0.6 g: no body accelerates downwards so much for seconds */
+#define RESTING_SQUARE_Q24  104857600  /* (2.5 g s)^2: a body at rest is not as fast as 25 m/s */
+#define MOST_LASTING_Q24    (1U << 23) /* (0.7 g s)^2: in flight, 20 deg of stated tilt */
 #define JUDGED              (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
 
 /* The slice of the last block that a step computes. Each measurement takes two slices: velocity x, y, and at
@@ -50,6 +51,7 @@ SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
     c->still_blocks = c->aligned_blocks = 0;
     c->travel_gs_q28[0] = c->travel_gs_q28[1] = 0;
     c->travel_excess_q24 = c->rise_g_q18 = 0;
+    c->corrected_rad_q26[0] = c->corrected_rad_q26[1] = 0;
     clear_sums(c);
 }
 
@@ -102,33 +104,43 @@ static bool contradicts(plumb_attitude_t *c, const plumb_attitude_params_t *p, b
 /* Judges the velocity of a block: how far it may be taken for zero, and whether the attitude is lost. Then
  * either restarts the filter, or propagates the covariance of the velocity for the first time.
  *
- * The stated variance is that of the filter, plus the square of the tilt error that would sustain the lasting
- * velocity: in flight v / 2 s, because the filter follows the drag in 2 s; else v / 128 s, less than the leak
- * of the velocity. */
+ * The stated variance has three parts. 3/16 of the filter's own: the filter expects a body to be faster than
+ * most are. On the ground 3/2 of the square of the tilt that was corrected in one direction within 10 s, at
+ * most 6 times the filter's own: such corrections show an error that the filter does not expect. And the
+ * square of the tilt that would sustain the lasting velocity: in flight v / 2 s, because the filter follows
+ * the drag in 2 s; else v / 128 s, less than the leak of the velocity. */
 SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     plumb_attitude_words_t *const w = &c->words;
+    const int32_t hold_q32 = any_i32(mulhi_i32(p->travel_pass_q32, HOLD_Q32));
     int32_t square_q24 = 0;
+    uint32_t corrected_q20 = 0;
     for (unsigned i = 0; i < 2U; i++) {
-        const int32_t v = clamp_i32(w->velocity_gs_q28[i], -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28);
+        const int32_t v = VELOCITY_SATURATED(w->velocity_gs_q28[i]);
         w->velocity_gs_q28[i] = c->airborne ? v : v - mulhi_near(v, p->leak_q32);
         square_q24 += mulhi_i32(w->velocity_gs_q28[i], w->velocity_gs_q28[i]);
-        const int32_t off =
-            clamp_i32(w->velocity_gs_q28[i] - c->measured_gs_q28[i], -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28);
+        const int32_t off = VELOCITY_SATURATED(w->velocity_gs_q28[i] - c->measured_gs_q28[i]);
         c->travel_gs_q28[i] += mulhi_near(off - c->travel_gs_q28[i], p->travel_pass_q32);
+        const int32_t kept = c->corrected_rad_q26[i] - mulhi_i32(c->corrected_rad_q26[i], hold_q32);
+        c->corrected_rad_q26[i] = SATURATE(kept + asr32(c->errors.correction_q28[TILT + i], 2), 26);
+        corrected_q20 += (uint32_t)mulhi_i32(c->corrected_rad_q26[i], c->corrected_rad_q26[i]);
     }
+    const int32_t lasting_q24 = travel_square(c);
     w->velocity_square_g2s2_q24 += mulhi_near(square_q24 - w->velocity_square_g2s2_q24, p->velocity_pass_q32);
-    c->travel_excess_q24 = c->airborne ? 0 : travel_excess(c, p);
-    const int64_t moving = asr64(mul_i64(w->velocity_square_g2s2_q24, p->velocity_share_q16), 14) +
-                           asr64(mul_i64(c->travel_excess_q24, p->travel_gain_q16), 14);
+    c->travel_excess_q24 = c->airborne ? 0 : travel_excess(c, p, lasting_q24, hold_q32);
+    const int64_t moving = asr64(mul_i64(w->velocity_square_g2s2_q24, p->velocity_share_q16) +
+                                     mul_i64(c->travel_excess_q24, p->travel_gain_q16),
+                                 14);
     const int32_t room = SPEED_LIMIT_Q26 - p->speed_min;
     w->velocity_variance_g2s2_q26 =
         c->airborne ? (uint32_t)p->aid_variance
                     : (uint32_t)p->speed_min + (uint32_t)(moving < room ? (int32_t)moving : room);
 
-    w->tilt_variance_rad2_q32 =
+    const uint32_t filter_q32 =
         plumb_error_filter_variance(&c->errors, TILT) + plumb_error_filter_variance(&c->errors, TILT + 1);
-    const uint32_t lasting_q24 = (uint32_t)travel_square(c);
-    w->tilt_variance_rad2_q32 += c->airborne ? min_u32(lasting_q24, 1U << 25) << 6 : lasting_q24 >> 6;
+    const uint32_t shown_q20 = c->airborne ? 0U : min_u32(corrected_q20, filter_q32 >> 10);
+    w->tilt_variance_rad2_q32 =
+        3U * ((filter_q32 >> 4) + (shown_q20 << 11)) +
+        (c->airborne ? min_u32((uint32_t)lasting_q24, MOST_LASTING_Q24) << 6 : (uint32_t)lasting_q24 >> 6);
     const bool unsure = w->tilt_variance_rad2_q32 > p->unsure;
     const bool accelerating = w->velocity_variance_g2s2_q26 > 4U * (uint32_t)p->speed_min;
     c->block_flags = (c->block_flags & ~(uint32_t)JUDGED) | (unsure ? PLUMB_ATTITUDE_FLAG_UNSURE : 0U) |

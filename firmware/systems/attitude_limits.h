@@ -16,12 +16,12 @@
 #define SHARED static
 #endif
 
-#define ONE_Q30            (1 << 30)
-#define SIXTH_Q32          715827883
-#define VELOCITY_LIMIT_Q28 ((1 << 30) - 1) /* 4 g s, 39 m/s */
-#define VELOCITY_ADDED_Q26 13421773U /* 0.2 g^2 s^2: most variance that lost accelerations add to a block */
-#define LONGEST_RUN        255U      /* steps of a gap or at a limit: the count stops here */
-#define HALF_LIMIT_Q30     461708984 /* 0.43 rad: with coning below 1/2 */
+#define ONE_Q30               (1 << 30)
+#define SIXTH_Q32             715827883
+#define VELOCITY_SATURATED(x) SATURATE(x, 31) /* within 4 g s Q28, 39 m/s */
+#define VELOCITY_ADDED_Q26    13421773U /* 0.2 g^2 s^2: most variance that lost accelerations add to a block */
+#define LONGEST_RUN           255U      /* steps of a gap or at a limit: the count stops here */
+#define HALF_LIMIT_Q30        461708984 /* 0.43 rad: with coning below 1/2 */
 
 /* sat_i32() for code that runs seldom: in the image once. */
 SELDOM int32_t saturated(int64_t x) {

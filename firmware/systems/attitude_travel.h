@@ -24,12 +24,12 @@ static bool travels(const plumb_attitude_t *c) {
 
 /* Square of the lasting velocity above what the covariance and a body that stays in place explain: the body
  * travels. It is held for longer than it is seen, because a velocity that reverses passes zero. */
-static int32_t travel_excess(const plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+static int32_t travel_excess(const plumb_attitude_t *c, const plumb_attitude_params_t *p, int32_t lasting_q24,
+                             int32_t hold_q32) {
     const uint32_t explained_q30 = plumb_error_filter_variance(&c->errors, VELOCITY) +
                                    plumb_error_filter_variance(&c->errors, VELOCITY + 1);
-    const int32_t excess = travel_square(c) - (int32_t)(explained_q30 >> 6) - p->travel_least_q24;
-    const int32_t held =
-        c->travel_excess_q24 - mulhi_near(c->travel_excess_q24, mulhi_i32(p->travel_pass_q32, HOLD_Q32)) - 1;
+    const int32_t excess = lasting_q24 - (int32_t)(explained_q30 >> 6) - p->travel_least_q24;
+    const int32_t held = c->travel_excess_q24 - mulhi_near(c->travel_excess_q24, hold_q32) - 1;
     return max_i32(max_i32(excess, held), 0);
 }
 
@@ -58,9 +58,8 @@ static void measure_velocity(plumb_attitude_t *c, const plumb_attitude_params_t 
         const int32_t across_q18 =
             mulhi_i32(sub_wrap(c->force_sum_q18[i], c->thrust_sum_q18[i]), p->inverse_block_q32);
         const int32_t drag_gs = saturated(asr64(mul_i64(-across_q18, p->aid_s_q24), 14));
-        c->measured_gs_q28[i] = airborne ? clamp_i32(saturated((int64_t)drag_gs + asr32(gained[i], 1)),
-                                                     -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28)
-                                         : 0;
+        const int32_t at_end_gs = saturated((int64_t)drag_gs + asr32(gained[i], 1));
+        c->measured_gs_q28[i] = airborne ? VELOCITY_SATURATED(at_end_gs) : 0;
     }
 }
 

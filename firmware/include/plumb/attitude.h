@@ -45,11 +45,12 @@ typedef struct {
     uint32_t accel_slope_q18;     /* of a run of clipped accelerations: a 36th of g^2 a step */
     int32_t thrust_sum_q18[2];    /* of the block so far: acceleration along the body's z, earth axes, g */
     int32_t measured_gs_q28[2];   /* velocity that the last block is measured to have */
-    int32_t travel_gs_q28[2];  /* low-pass of the velocity, in flight of its difference from the measured */
-    int32_t travel_excess_q24; /* square of it beyond what is expected, remembered, g^2 s^2 */
-    int32_t rise_g_q18;        /* low-pass of 1 g less the vertical acceleration */
-    uint32_t block_flags;      /* of the last block */
-    uint8_t slice;             /* of the covariance that the next step computes; 0: none */
+    int32_t travel_gs_q28[2]; /* low-pass of the velocity, in flight of its difference from the measured */
+    int32_t corrected_rad_q26[2]; /* sum of the tilt's corrections, forgotten with 10 s */
+    int32_t travel_excess_q24;    /* square of it beyond what is expected, remembered, g^2 s^2 */
+    int32_t rise_g_q18;           /* low-pass of 1 g less the vertical acceleration */
+    uint32_t block_flags;         /* of the last block */
+    uint8_t slice;                /* of the covariance that the next step computes; 0: none */
     uint8_t still_blocks;
     uint8_t aligned_blocks;
     uint8_t gap_steps;           /* without a sample, up to now */

@@ -168,7 +168,7 @@ typedef struct {
     int32_t velocity_gs_q28[2]; /* integrated horizontal acceleration, earth axes */
     int32_t velocity_square_g2s2_q24; /* low-pass of the square of that velocity */
     uint32_t velocity_variance_g2s2_q26; /* variance with which the last block took the velocity for zero */
-    uint32_t tilt_variance_rad2_q32; /* stated variance of the tilt, sum of both axes: the filter's, and what a lasting velocity says of it */
+    uint32_t tilt_variance_rad2_q32; /* stated variance of the tilt, sum of both axes: by the filter, lasting corrections and a lasting velocity */
     uint32_t block_step; /* steps of the block so far */
     uint32_t missing_steps; /* steps so far that took no sample */
     uint32_t flags; /* PLUMB_ATTITUDE_FLAG_* of this step */

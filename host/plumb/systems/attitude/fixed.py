@@ -16,7 +16,7 @@ from plumb.systems.attitude.fixed_covariance import (
     AXES,
     HORIZONTAL,
     VARIANCE_MAX_Q32,
-    VELOCITY_MAX_Q28,
+    VELOCITY_Q28,
     sat32,
 )
 from plumb.systems.attitude.fixed_gaps import (
@@ -229,7 +229,7 @@ def measure_velocity(c: ControlState, p: Params) -> None:
     for i in HORIZONTAL:
         across = mul(wrap_i32(c.force_sum[i] - c.thrust_sum[i]), inverse)
         drag = sat32((-across * p["attitude.aid_s_q24"]) >> 14)
-        measured = clamp(sat32(drag + (gained(c, p, i) >> 1)), -VELOCITY_MAX_Q28, VELOCITY_MAX_Q28)
+        measured = clamp(sat32(drag + (gained(c, p, i) >> 1)), -VELOCITY_Q28, VELOCITY_Q28 - 1)
         c.measured[i] = select(airborne, measured, 0 * measured)
         c.travel[i] = select(airborne != before, 0 * measured, c.travel[i])
 

@@ -15,7 +15,7 @@ from plumb.systems.attitude.fixed_covariance import (
     AXES,
     HORIZONTAL,
     VARIANCE_MAX_Q32,
-    VELOCITY_MAX_Q28,
+    VELOCITY_Q28,
     add,
     cov,
     grow_tilt,
@@ -45,7 +45,8 @@ from plumb.systems.attitude.fixed_state import (
 from plumb.systems.attitude.fixed_turns import turn_earth
 
 SPEED_MAX_Q26 = (1 << 31) - 1
-REST_SPEED_SQUARE_Q24, TRAVELS_Q24, HOLD_Q32, LASTING_MAX_Q24 = 104857600, 16777, 1288490189, 1 << 25
+REST_SPEED_SQUARE_Q24, TRAVELS_Q24, HOLD_Q32, LASTING_MAX_Q24 = 104857600, 16777, 1288490189, 1 << 23
+CORRECTED_Q26 = 1 << 25
 BIAS_MAX_Q32, SCALE_MAX_Q32, TURN_MAX_Q28 = 1 << 30, 1 << 28, 1 << 26
 BIAS_UNIT_Q31 = 1367130551
 RISE_MAX_Q18 = 157286
@@ -90,18 +91,17 @@ def tilted_at_rest(mean: Sequence[Integer]) -> Integer:
 def judge(c: ControlState, p: Params) -> None:
     """What the block has shown of the velocity; then the growth of its covariance begins, or a new start."""
     for i in HORIZONTAL:
-        held = clamp(c.velocity[i], -VELOCITY_MAX_Q28, VELOCITY_MAX_Q28)
+        held = clamp(c.velocity[i], -VELOCITY_Q28, VELOCITY_Q28 - 1)
         c.velocity[i] = held - select(c.airborne == 1, 0, near(held, p["attitude.leak_q32"]))
     square = mul(c.velocity[0], c.velocity[0]) + mul(c.velocity[1], c.velocity[1])
     c.velocity_square = c.velocity_square + near(square - c.velocity_square, p["attitude.velocity_pass_q32"])
     remember_travel(c, p)
+    remember_corrections(c, p)
     least = p["attitude.speed_min"]
-    moving = (c.velocity_square * p["attitude.velocity_share_q16"]) >> 14
-    moving = moving + ((c.travel_excess * p["attitude.travel_gain_q16"]) >> 14)
-    c.velocity_variance = select(c.airborne == 1, p["attitude.aid_variance"], clamp(least + moving, 0, SPEED_MAX_Q26))
-    lasting = travel_square(c)
-    lasting = select(c.airborne == 1, 64 * clamp(lasting, 0, LASTING_MAX_Q24), lasting >> 6)
-    c.tilt_variance = wrap_u32(c.covariance[CELL[6][6]] + c.covariance[CELL[7][7]] + lasting)
+    moving = c.velocity_square * p["attitude.velocity_share_q16"] + c.travel_excess * p["attitude.travel_gain_q16"]
+    unknown = clamp(least + (moving >> 14), 0, SPEED_MAX_Q26)
+    c.velocity_variance = select(c.airborne == 1, p["attitude.aid_variance"], unknown)
+    c.tilt_variance = stated_variance(c)
     unsure = select(c.tilt_variance > p["attitude.unsure"], UNSURE, 0)
     accelerating = select(c.velocity_variance > 4 * least, ACCELERATING, 0)
     c.block_flags = (c.block_flags & ~JUDGED) | unsure | accelerating
@@ -126,13 +126,31 @@ def travel_square(c: ControlState) -> Integer:
 def remember_travel(c: ControlState, p: Params) -> None:
     """The velocity that lasts, in flight its difference from the measured one; and its excess, none in flight."""
     for i in HORIZONTAL:
-        off = clamp(c.velocity[i] - c.measured[i], -VELOCITY_MAX_Q28, VELOCITY_MAX_Q28)
+        off = clamp(c.velocity[i] - c.measured[i], -VELOCITY_Q28, VELOCITY_Q28 - 1)
         c.travel[i] = c.travel[i] + near(off - c.travel[i], p["attitude.travel_pass_q32"])
     explained = wrap_u32(c.covariance[CELL[8][8]] + c.covariance[CELL[9][9]])
     excess = travel_square(c) - (explained >> 6) - p["attitude.travel_least_q24"]
     kept = c.travel_excess - near(c.travel_excess, mul(p["attitude.travel_pass_q32"], HOLD_Q32)) - 1
     largest = select(excess > kept, excess, kept)
     c.travel_excess = select((largest > 0) & (c.airborne == 0), largest, 0 * kept)
+
+
+def remember_corrections(c: ControlState, p: Params) -> None:
+    """The sum of the tilt's corrections, rad Q26, forgotten like a travel."""
+    forgets = mul(p["attitude.travel_pass_q32"], HOLD_Q32)
+    for i in HORIZONTAL:
+        kept = c.corrected[i] - mul(c.corrected[i], forgets)
+        c.corrected[i] = clamp(kept + (c.correction[TILT + i] >> 2), -CORRECTED_Q26, CORRECTED_Q26 - 1)
+
+
+def stated_variance(c: ControlState) -> Integer:
+    """Of the tilt, rad^2 Q32: a share of the filter's, what was corrected in one direction, what keeps a velocity."""
+    own = wrap_u32(c.covariance[CELL[6][6]] + c.covariance[CELL[7][7]])
+    corrected = mul(c.corrected[0], c.corrected[0]) + mul(c.corrected[1], c.corrected[1])
+    shown = select(c.airborne == 1, 0, select(corrected < own >> 10, corrected, own >> 10))
+    lasting = travel_square(c)
+    lasting = select(c.airborne == 1, 64 * clamp(lasting, 0, LASTING_MAX_Q24), lasting >> 6)
+    return wrap_u32(3 * ((own >> 4) + (shown << 11)) + lasting)
 
 
 def restart(c: ControlState, p: Params) -> None:

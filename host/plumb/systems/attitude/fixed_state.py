@@ -62,6 +62,7 @@ class ControlState:
     thrust_blocks: Integer = 0
     airborne: Integer = 0
     travel: list[Integer] = field(default_factory=zeros(2))
+    corrected: list[Integer] = field(default_factory=zeros(2))
     travel_excess: Integer = 0
     rise: Integer = 0
     rows_sum: list[Integer] = field(default_factory=zeros(6))

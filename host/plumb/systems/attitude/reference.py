@@ -51,6 +51,10 @@ CARRIED_G, TAKE_OFF_BLOCKS = 0.8, 4
 BRIDGED_RAD, BRIDGED_G, BRIDGED_SUM_G = 0.43, 1200.0, 2100.0
 LASTING_PER_S = (1.0 / 128.0, 0.5)
 """What a velocity that lasts says of the tilt, by g s: on the ground, in flight."""
+FILTER_SHARE, CORRECTED_GAIN, CORRECTED_MOST = 3.0 / 16.0, 1.5, 6.0
+"""The stated variance: share of the filter's own; gain of the square of what was corrected in one direction, at most so
+many times the filter's own."""
+CORRECTED_RAD = 0.5
 BIAS_RADPS, SCALE = np.pi / 2.0, 1.0 / 16.0
 UNITS = np.array([BIAS_UNITS] * 3 + [SCALE_UNITS] * 3)
 BIASES, SCALES, TILTS, VELOCITIES = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 10)
@@ -310,6 +314,8 @@ class Model:
         x.bias_radps = np.clip(x.bias_radps + d[BIASES] / BIAS_UNITS, -BIAS_RADPS, BIAS_RADPS)
         x.scale = np.clip(x.scale + d[SCALES] / SCALE_UNITS, -SCALE, SCALE)
         tilt = np.array([*np.clip(d[TILTS], -TILT_STEP_RAD, TILT_STEP_RAD), 0.0])
+        kept = 1.0 - TRAVEL_HOLD * self.block_s / self.tuning.motion.travel_s
+        x.corrected_rad = np.clip(kept * x.corrected_rad + d[TILTS], -CORRECTED_RAD, CORRECTED_RAD)
         x.attitude = turned(np.array([1.0, *(tilt / 2.0)]), x.attitude)
         x.attitude /= np.linalg.norm(x.attitude)
         x.force_before = x.force_before + np.cross(tilt, x.force_before)
@@ -321,7 +327,9 @@ class Model:
         x.velocity_gs = v if x.airborne else v * (1.0 - self.block_s / self.tuning.motion.leak_s)
         variance = self.velocity_variance(x) / VELOCITY_UNIT_GS**2
         lasting = float(np.linalg.norm(x.travel_gs)) * LASTING_PER_S[x.airborne]
-        x.tilt_rad2 = float(x.covariance[6, 6] + x.covariance[7, 7]) + lasting**2
+        own = float(x.covariance[6, 6] + x.covariance[7, 7])
+        corrected = 0.0 if x.airborne else CORRECTED_GAIN * float(x.corrected_rad @ x.corrected_rad)
+        x.tilt_rad2 = FILTER_SHARE * own + min(corrected, CORRECTED_MOST * own) + lasting**2
 
         mean_g, resting, x.left = x.force_before / self.steps, x.still_blocks == self.rest_blocks, DONE
         x.rise_g += self.block_s / self.tuning.motion.travel_s * (1.0 - float(mean_g[2]) - x.rise_g)

@@ -56,6 +56,7 @@ class Filter:
     force_before: FloatArray = field(default_factory=lambda: np.zeros(3))
     travel_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
     travel_excess_g2s2: float = 0.0
+    corrected_rad: FloatArray = field(default_factory=lambda: np.zeros(2))
     rise_g: float = 0.0
     measured_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
     thrust_blocks: int = 0
