@@ -108,6 +108,11 @@ IRIS = Airframe(
 )
 HUMMINGBIRD_X = HUMMINGBIRD.turned(-np.pi / 4.0)
 """The hummingbird flown as an X: its rotors front right, front left, rear left, rear right."""
+IRIS_X = replace(
+    IRIS, rotors_m=(IRIS.rotors_m[0], IRIS.rotors_m[2], IRIS.rotors_m[1], IRIS.rotors_m[3]), spin=HUMMINGBIRD.spin
+)
+"""The iris with its rotors in the same order. Assumed: its motors turn the other way round than the iris', as the
+hummingbird's do."""
 AIRFRAMES = {"hummingbird": HUMMINGBIRD, "iris": IRIS}
 
 THRUST_SQUARE, THRUST_LINEAR = 0.6, 0.4

@@ -10,8 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from plumb.judging.quadrotor import loops
+from plumb.judging.quadrotor import iris, loops
 from plumb.judging.quadrotor.flown import Flown, fly
+from plumb.physics.airframe import IRIS_X
 from plumb.proof import loop_figures
 from plumb.proof.figures import Figure, Sense
 from plumb.proof.limits import RMS as RMS_METRIC
@@ -36,6 +37,9 @@ ASSUMED = (
     " row says so.",
     "RotorS hummingbird (0.716 kg, inertia 0.007, 0.007, 0.012 kg m^2, arm 0.17 m), flown as an X. Assumed: thrust 0.6"
     " u^2 + 0.4 u of the command, ESC delay 2 ms, CdA 0.012 m^2, rotors' unbalance 0.3 g each in a hover.",
+    "Tuning iris: PX4's iris (1.535 kg, inertia 0.029, 0.029, 0.055 kg m^2, thrust 28 N), its gains worked out as the"
+    " hummingbird's; assumed: the same lag of the rotors, thrust curve, ESC, frame drag, and motors that turn as the"
+    " mixer wants.",
     "MPU-6050: bias 1 deg/s an axis with its sign drawn, N(0.5) deg/s of warm-up, scale 1 %, misalignment 0.7 %,"
     " offset N(2 mg) after a calibration of six sides.",
     f"Wind {courses.WIND_MPS:g} m/s with Dryden gusts; gust: a step of {courses.GUST_MPS:g} m/s; weak: one rotor loses"
@@ -105,13 +109,18 @@ def errors(name: str, seeds: Iterable[int]) -> Iterator[Figure]:
             yield _asked(f"{claim}, worst seed", name, "deg", worst, of_runs)
 
 
-def lean(seeds: Iterable[int]) -> Iterator[Figure]:
-    flown = _flown("lean", tuple(seeds))
+def _leant(flown: Flown) -> Iterator[tuple[str, FloatArray]]:
+    """How well each run of `lean` took and held its lean, deg."""
     begin = courses.ACTS_S
     held = np.abs(flown.lean_deg[flown.between(begin + 0.4, begin + courses.LEAN_S)] - courses.LEAN_DEG).max(axis=0)
     over = flown.lean_deg[flown.between(begin, begin + courses.LEAN_S)].max(axis=0) - courses.LEAN_DEG
-    yield _asked("off 20 deg from 0.4 s on, worst", "lean", "deg", 2.0, held)
-    yield _asked("beyond 20 deg, worst", "lean", "deg", 2.0, np.maximum(over, 0.0))
+    yield "off 20 deg from 0.4 s on, worst", held
+    yield "beyond 20 deg, worst", np.maximum(over, 0.0)
+
+
+def lean(seeds: Iterable[int]) -> Iterator[Figure]:
+    for claim, values in _leant(_flown("lean", tuple(seeds))):
+        yield _asked(claim, "lean", "deg", 2.0, values)
 
 
 def rate(seeds: Iterable[int]) -> Iterator[Figure]:
@@ -185,6 +194,23 @@ def margins(_seeds: Iterable[int]) -> Iterator[Figure]:
         yield from loop_figures.rows(axis, found, "hover", TUNING, LEAST, "flash image")
 
 
+def other_frame(seeds: Iterable[int]) -> Iterator[Figure]:
+    """The iris, reported alone."""
+    of_seeds, tuning = tuple(seeds), iris.tuning()
+    wind = fly("wind", of_seeds, tuning, frame=IRIS_X)
+    scored = wind.between(SCORED_FROM_S, np.inf)
+    for claim, values in ((ESTIMATE, wind.error_deg), (FLOWN_ERROR, wind.apart_deg)):
+        of_runs = _rms(values[scored])
+        mean, worst = float(np.mean(of_runs)), float(np.max(of_runs))
+        yield Figure(claim, "wind", iris.NAME, "deg", "shown", 0.0, mean, worst).over(of_runs)
+    for claim, values in _leant(fly("lean", of_seeds, tuning, frame=IRIS_X)):
+        worst = float(np.max(values))
+        yield Figure(claim, "lean", iris.NAME, "deg", "shown", 0.0, worst, worst)
+    for axis in loops.PATTERNS:
+        found = loops.margins(axis, tuning, frame=IRIS_X)
+        yield from loop_figures.rows(axis, found, "hover", iris.NAME, None, "swept in flight, every 2.5 ms")
+
+
 def _errors(name: str) -> Callable[[Iterable[int]], Iterator[Figure]]:
     return lambda seeds: errors(name, seeds)
 
@@ -196,6 +222,6 @@ def _flip(name: str) -> Callable[[Iterable[int]], Iterator[Figure]]:
 SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
     **{name: _errors(name) for name in ("calm", "wind", "two-chips", "take-off", "sticks")},
     "lean": lean, "rate": rate, "tip": tip, "kick": kick, "gust": gust, "weak": weak, "yaw": yaw,
-    "flip": _flip("flip"), "overturned": _flip("overturned"), "margins": margins,
+    "flip": _flip("flip"), "overturned": _flip("overturned"), "margins": margins, "iris": other_frame,
 }  # fmt: skip
 PLOTS: dict[str, Callable[[], Sequence[Plot]]] = {}

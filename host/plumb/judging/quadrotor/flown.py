@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from plumb.boards import native_core
+from plumb.physics.airframe import HUMMINGBIRD_X, Airframe
 from plumb.physics.pilots import vertical
 from plumb.spec.arrays import FloatArray
 from plumb.systems.attitude.scenarios import apart_deg
@@ -46,11 +47,12 @@ def fly(
     seconds: float | None = None,
     *,
     open_loop: bool = False,
+    frame: Airframe = HUMMINGBIRD_X,
 ) -> Flown:
     """One scenario, all seeds. open_loop: an ideal controller flies, and the core runs beside it."""
     drawn = [quadrotor.scenario(name, seed, period_us=period_us, seconds=seconds) for seed in seeds]
     params = quantise(drawn[0].fit(replace(tuning, period_us=period_us)))
-    vehicles, core = Vehicles(drawn, ideal=open_loop), native_core.Controllers(params, len(drawn))
+    vehicles, core = Vehicles(drawn, ideal=open_loop, frame=frame), native_core.Controllers(params, len(drawn))
     rows: list[tuple[FloatArray, ...]] = []
     command = np.zeros((4, len(drawn)))
     for step in range(drawn[0].steps):

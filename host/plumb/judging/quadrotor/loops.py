@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from plumb.boards import native_core
+from plumb.physics.airframe import HUMMINGBIRD_X, Airframe
 from plumb.spec.arrays import FloatArray
 from plumb.systems.quadrotor import courses
 from plumb.systems.quadrotor import scenarios as quadrotor
@@ -33,13 +34,15 @@ SETTLES_S, SECONDS = 3.0, 30.0
 """The sine begins when the pilot would, and is measured from SETTLES_S later on."""
 
 
-def swept(axis: str, tuning: QuadrotorTuning, period_us: int, seed: int = 1000) -> tuple[FloatArray, Response]:
+def swept(
+    axis: str, tuning: QuadrotorTuning, period_us: int, seed: int = 1000, frame: Airframe = HUMMINGBIRD_X
+) -> tuple[FloatArray, Response]:
     """Frequencies in Hz, and the gain of the loop there."""
     hz = np.geomspace(LOW_HZ, HIGH_HZ, POINTS)
     run = quadrotor.scenario("lean", seed, period_us=period_us, seconds=SECONDS)
     drawn = [replace(run, course=replace(courses.LEVEL, seconds=SECONDS))] * POINTS
     params = quantise(run.fit(replace(tuning, period_us=period_us)))
-    vehicles, core = Vehicles(drawn), native_core.Controllers(params, POINTS)
+    vehicles, core = Vehicles(drawn, frame=frame), native_core.Controllers(params, POINTS)
     pattern, period_s = PATTERNS[axis], period_us * 1e-6
     begin_s = courses.ACTS_S + SETTLES_S
     given, got = np.zeros(POINTS, np.complex128), np.zeros(POINTS, np.complex128)
@@ -63,7 +66,10 @@ def swept(axis: str, tuning: QuadrotorTuning, period_us: int, seed: int = 1000) 
 
 
 def margins(
-    axis: str, tuning: QuadrotorTuning = quadrotor.HUMMINGBIRD, period_us: int = quadrotor.PERIOD_US
+    axis: str,
+    tuning: QuadrotorTuning = quadrotor.HUMMINGBIRD,
+    period_us: int = quadrotor.PERIOD_US,
+    frame: Airframe = HUMMINGBIRD_X,
 ) -> Margins:
     """Of the loop of one axis."""
-    return nearest_margins(*swept(axis, tuning, period_us))
+    return nearest_margins(*swept(axis, tuning, period_us, frame=frame))

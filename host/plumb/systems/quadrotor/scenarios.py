@@ -54,7 +54,8 @@ REST_DPS = 2.5
 three times that, no second of 400 samples would be at rest: the bias would be unknown when it takes off."""
 
 
-def _gains(decay_per_s: float, accel_radps2: float, lead_s: float = 0.0) -> RateGains:
+def gains(decay_per_s: float, accel_radps2: float, lead_s: float = 0.0) -> RateGains:
+    """Of one axis. accel_radps2: angular acceleration by a command of 1; lead_s: derivative by proportional gain."""
     kp = decay_per_s / accel_radps2 * DEG
     return RateGains(kp_per_dps=kp, ki_per_deg=kp * INTEGRAL_PER_S, kd_per_dps2=kp * lead_s)
 
@@ -66,11 +67,11 @@ ESTIMATOR = replace(
     accel=MPU6050.accel,
     motion=replace(ESTIMATORS["vehicle"].motion, unsure_deg=UNSURE_DEG),
 )
-TILT = _gains(RATE_PER_S, ROLL_ACCEL_RADPS2, LEAD_S)
+TILT = gains(RATE_PER_S, ROLL_ACCEL_RADPS2, LEAD_S)
 HUMMINGBIRD = QuadrotorTuning(
     period_us=PERIOD_US,
     attitude=ESTIMATOR,
-    rates=Rates(roll=TILT, pitch=TILT, yaw=_gains(YAW_PER_S, YAW_ACCEL_RADPS2)),
+    rates=Rates(roll=TILT, pitch=TILT, yaw=gains(YAW_PER_S, YAW_ACCEL_RADPS2)),
 )
 TWO_CHIPS_NAME = "two-chips"
 TUNINGS = {

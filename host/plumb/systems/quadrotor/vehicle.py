@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.physics import pilots
-from plumb.physics.airframe import G_MPS2, HUMMINGBIRD_X, command_for
+from plumb.physics.airframe import G_MPS2, HUMMINGBIRD_X, Airframe, command_for
 from plumb.physics.cascade import Cascade
 from plumb.physics.ground import Ground
 from plumb.physics.imu import Imu
@@ -56,8 +56,8 @@ class Vehicles:
     """The bodies of runs of one course and period. ideal: a float cascade on the true attitude flies instead of the
     commands that `advance` is given."""
 
-    def __init__(self, drawn: Sequence[Drawn], *, ideal: bool = False) -> None:
-        first = drawn[0]
+    def __init__(self, drawn: Sequence[Drawn], *, ideal: bool = False, frame: Airframe = FRAME) -> None:
+        first, self.frame = drawn[0], frame
         self.course, self.period_s, self.runs = first.course, first.period_us * 1e-6, len(drawn)
         self._noise = np.stack([one.noise for one in drawn], -1)
         self._sticks = np.stack([one.sticks for one in drawn], -1)
@@ -68,23 +68,23 @@ class Vehicles:
         attitude = np.stack([heading[0], 0.0 * half, 0.0 * half, heading[1]])
         if self.course.on_its_back:  # rolled by half a turn
             attitude = np.stack([0.0 * half, *heading, 0.0 * half])
-        height_m = FRAME.leg_down_m if self.course.lands else courses.HEIGHT_M
+        height_m = self.frame.leg_down_m if self.course.lands else courses.HEIGHT_M
         self.begin_m = np.stack([0.0 * half, 0.0 * half, 0.0 * half + height_m])
-        self.body = Quadrotor(FRAME, attitude, self.begin_m, self.course.vibration_g)
+        self.body = Quadrotor(self.frame, attitude, self.begin_m, self.course.vibration_g)
         self.body.thrust_factor = np.ones((4, self.runs))
-        self._ground = Ground(FRAME)
+        self._ground = Ground(self.frame)
         self._wind = Wind(self.course.wind_mps, draws["wind_rad"], draws["gusts"])
         self._gust = np.stack([np.cos(draws["wind_rad"]), np.sin(draws["wind_rad"]), 0.0 * half])
         self.imu = Imu(self.course.grade, draws["imu"], self.period_s)
         self._waiting = deque([np.zeros((4, self.runs))] * DELAY_STEPS, maxlen=DELAY_STEPS + 1)
-        self._collective = pilots.Collective(FRAME, self.runs, self.period_s)
+        self._collective = pilots.Collective(self.frame, self.runs, self.period_s)
         self._seen: deque[tuple[FloatArray, FloatArray]] = deque(
             maxlen=max(round(pilots.SEEN_LATE_S / self.period_s), 1)
         )
         self._sum_ms = np.zeros((2, self.runs))
         self._felt = np.zeros((3, self.runs)), self.body.matrix[2].copy()
         self._heard_s = -1.0
-        self._cascade = Cascade(FRAME, self.runs, self.period_s) if ideal else None
+        self._cascade = Cascade(self.frame, self.runs, self.period_s) if ideal else None
         self.landed = np.zeros(self.runs, np.bool_)
         self.lean_rad, self.yaw_radps, self.thrust_n = (
             np.zeros((2, self.runs)),
@@ -111,9 +111,10 @@ class Vehicles:
     def _fly(self, at_s: float, command: FloatArray) -> None:
         body, course = self.body, self.course
         if at_s < courses.REST_S + self.period_s / 2.0 and not course.lands:
-            body.spin_up(FRAME.hover_radps, self._phase_rad)
+            body.spin_up(self.frame.hover_radps, self._phase_rad)
             hover = np.full(
-                (4, self.runs), float(command_for(np.array(FRAME.weight_n / FRAME.thrust_max_n / course.supply)))
+                (4, self.runs),
+                float(command_for(np.array(self.frame.weight_n / self.frame.thrust_max_n / course.supply))),
             )
             self._waiting.extend([hover] * DELAY_STEPS)
             command = hover
@@ -198,7 +199,7 @@ class Vehicles:
         words = [np.rint(np.clip(one, -1.0, 1.0) * FULL_Q15) for one in sticks]
         zero = np.zeros(self.runs)
         self._commands = np.stack([*words, switches + zero, zero + number, zero], 1).astype(np.int16)
-        share = command_for(self.thrust_n / (FRAME.thrust_max_n * self.course.supply)) if flying else zero
+        share = command_for(self.thrust_n / (self.frame.thrust_max_n * self.course.supply)) if flying else zero
         self._throttle = np.where(
             self.landed | (self.time_s >= self.course.cut_s), 0, np.rint(share * FULL_Q15)
         ).astype(np.int32)
