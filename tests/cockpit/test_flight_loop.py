@@ -32,10 +32,10 @@ def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: 
     assert not bench.loop.state["armed"] and bench.height_m < ground_m
     bench.turn(0.5, on=True)
     assert bench.loop.state["armed"] and bench.loop.state["recording"]["on"]  # type: ignore[index]
-    bench.turn(1.2, on=True, throttle=0.52)
-    assert bench.height_m > 0.5 and bench.loop.state["said"] == "flown"
+    bench.turn(0.9, on=True, throttle=0.52)
+    assert bench.height_m > 0.3 and bench.loop.state["said"] == "flown"
     assert bench.loop.scene["estimate"] is not None
-    bench.turn(3.5, on=True, throttle=0.38)
+    bench.turn(5.0, on=True, throttle=0.36)
     assert bench.height_m < ground_m
     bench.turn(0.5, on=False)
     assert not bench.loop.state["armed"]
@@ -61,6 +61,7 @@ def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: FlightBe
     assert {"no receiver: held level", "no receiver: landing"} <= said
     assert bench.loop.state["heard"] is False and bench.height_m < 0.1
     assert bench.loop.state["over"], "nobody speaks, and the vehicle stands on the ground"
+    assert any("the receiver was lost" in text for _, text in bench.loop.notes)
 
 
 def test_only_the_page_that_holds_the_vehicle_is_heard(bench: FlightBench) -> None:

@@ -16,7 +16,7 @@ from plumb.boards.link import LinkBoard
 from plumb.boards.native_port import NativePort
 from plumb.cockpit.arming import Reply
 from plumb.cockpit.board_run import BoardRun
-from plumb.cockpit.flight.arming import ArmingBySwitch
+from plumb.cockpit.flight.arming import in_the_way, why_disarmed
 from plumb.cockpit.flight.rivals import Rivals
 from plumb.cockpit.flight.transmitter import Sticks, Transmitter
 from plumb.cockpit.hold import Hold
@@ -75,7 +75,6 @@ class FlightLoop(BoardRun):
         self._passed_s = self._took_s = 0.0
         self._paced = paced
         self._orders: queue.SimpleQueue[tuple[Order, Reply]] = queue.SimpleQueue()
-        self._switch = ArmingBySwitch()
         self._begun_s = self._stated_s = 0.0
         self._rests_s: float | None = None
         self._flew = self._over = self._closed = False
@@ -87,7 +86,12 @@ class FlightLoop(BoardRun):
         self._period_us = round(params.period_s * 1e6)
         self._rivals = Rivals(self._steered, self._period_us)
         board.session.upload(
-            params.words(), **params.link_words(), **systems.load(system).LINK, period_us=self._period_us, receiver=1
+            params.words(),
+            **params.link_words(),
+            **systems.load(system).LINK,
+            period_us=self._period_us,
+            receiver=1,
+            arm_hold_ms=0,  # the simulated speed controllers need no arming pulse
         )
         super().__init__(board, hold, folder, self._vehicles, watch=False, command=command)
 
@@ -163,7 +167,7 @@ class FlightLoop(BoardRun):
     def begin(self) -> None:
         self.transmitter.begin()
         super().begin()
-        self._switch, self._rests_s = ArmingBySwitch(), None
+        self._rests_s = None
         self._rivals = Rivals(self._steered, self._period_us)
         self._flew = self._over = False
         self._begun_s = self._session.clock()
@@ -181,9 +185,8 @@ class FlightLoop(BoardRun):
         return self._capture is not None and self._capture.armed
 
     def _fly(self) -> None:
-        """Arming, the beginning of a record, and the end of a flight."""
+        """The beginning of a record, and the end of a flight."""
         now_s = self._session.clock()
-        self._switch.follow(self._session, self.transmitter.sticks.on, self._armed)
         if self._armed and not self._flew:
             self._flew = True
             self.flights += 1
@@ -204,6 +207,8 @@ class FlightLoop(BoardRun):
         self._over = True
         if self._armed:
             self._session.disarm()
+        elif self._flew:
+            self.note(f"disarmed: {why_disarmed(self._session)}")
         self._session.end()
         self._own_run = False
         if self._flew:
@@ -264,6 +269,11 @@ class FlightLoop(BoardRun):
             "sticks": [sticks.roll, sticks.pitch, sticks.yaw, sticks.throttle],
         }
 
+    @property
+    def _why(self) -> str:
+        """Why the pilot's switch does not turn the rotors; "" while it is off, or they turn."""
+        return in_the_way(self._session) if self.transmitter.sticks.on and not self._armed else ""
+
     def _describe(self) -> dict[str, object]:
         light = self._comparison.light(self._session.clock())
         newest = {} if self.samples is None else self.samples.newest()
@@ -273,7 +283,7 @@ class FlightLoop(BoardRun):
             "system": self._session.system,
             "light": {"colour": light.colour, "text": light.text},
             "armed": self._armed,
-            "why": self._switch.why,
+            "why": self._why,
             "settled": self._session.clock() - self._begun_s >= self._steered.SETTLED_S,
             "said": self._steered.said(newest),
             "heard": self.transmitter.heard,

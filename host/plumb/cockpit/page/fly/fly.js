@@ -91,6 +91,7 @@ function hint(said) {
 
 function showState(said) {
   state = said;
+  hands.armed = said.armed === true;
   document.querySelector("aside").inert = false;
   if (!said.light) { trouble("waiting for the flight"); return; }
   trouble("");

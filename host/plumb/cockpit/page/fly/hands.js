@@ -16,7 +16,7 @@ export class Hands {
     Object.assign(this, { did, down: new Set(), fast: false, pressed: new Set(), pad: null });
     this.keys = { roll: 0, pitch: 0, yaw: 0, up: 0 };
     this.touch = {};
-    this.on = this.rate = false;
+    this.on = this.rate = this.armed = false;  // armed: the board; a throttle before that would keep it from it
     this.holds = true;
     this.hover = 0;
     this.reset();
@@ -62,7 +62,7 @@ export class Hands {
     const now = performance.now(), seconds = Math.min((now - this.at) / 1000, 0.1);
     this.at = now;
     const { roll, pitch, yaw, up } = this.asked(seconds);
-    const throttle = this.on ? this.throttleFor(up, seconds) : 0;
+    const throttle = this.on && this.armed ? this.throttleFor(up, seconds) : 0;
     return { roll, pitch, yaw, throttle, on: this.on, rate: this.rate };
   }
 
