@@ -344,6 +344,44 @@ def test_the_program_that_converts_a_recording_does(tmp_path: Path, capsys: pyte
     assert said["metrics"]["angle_rmse_deg"] < 1.0
 
 
+CSV_HEAD = "ms, gx, gy, gz, ax, ay, az, qw, qx, qy, qz"
+CSV_LINES = [f"{10 * k},0,0,0,0,0,1,1,0,0,0" for k in range(400)]
+CSV_GAP = [*CSV_LINES[:99], "990,,,,0,0,1,,,,", *CSV_LINES[100:]]
+
+
+def from_csv(folder: Path, lines: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run the program of the how-to on these lines."""
+    program = Path(__file__).resolve().parents[2] / "examples" / "recordings" / "from_csv.py"
+    (folder / "imu.csv").write_text("\n".join(lines), encoding="utf-8")
+    command = [sys.executable, str(program), str(folder / "imu.csv"), str(folder / "imu.npz")]
+    return subprocess.run(command, check=False, capture_output=True, text=True)
+
+
+def test_a_csv_becomes_a_recording_without_its_empty_cells(tmp_path: Path) -> None:
+    done = from_csv(tmp_path, [CSV_HEAD, *CSV_GAP])
+    assert (done.returncode, done.stdout) == (0, "399 samples, 1 without a value left out\n"), done.stderr
+    found = recording.load(tmp_path / "imu.npz")
+    assert found.time_s[-1] == pytest.approx(3.99) and np.diff(found.time_s).max() == pytest.approx(0.02)
+    assert np.allclose(found.acc_g[0], [0.0, 0.0, 1.0]) and found.ref_quat is not None
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ([CSV_HEAD.replace("gx", "wx"), *CSV_LINES], "has no column gx; it has ms, wx, gy"),
+        ([CSV_HEAD, "0,oops,0,0,0,0,1,1,0,0,0"], "line 2: 'oops' in column gx is not a number"),
+        ([CSV_HEAD], "has no line of samples below its header"),
+        ([CSV_HEAD, "0,,,,,,,,,,"], "has no line with a value in each column"),
+    ],
+)
+def test_a_csv_that_is_not_as_it_was_said_is_refused_in_one_sentence(
+    tmp_path: Path, lines: list[str], said: str
+) -> None:
+    done = from_csv(tmp_path, lines)
+    assert done.returncode == 1 and said in done.stderr and done.stderr.count("\n") == 1
+    assert not (tmp_path / "imu.npz").exists()
+
+
 def test_options_of_a_log_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     units = str(saved(tmp_path, turning("x")))
     table = tmp_path / "table.toml"

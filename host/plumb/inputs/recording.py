@@ -121,11 +121,11 @@ def _checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
         bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(1))
         if len(bad):
             raise UsageError(f"{path.name}: {name} of sample {bad[0]} is not a number; cut or repair the recording")
+    steps_s = np.diff(time_s)
+    if (steps_s <= 0.0).any():
+        raise UsageError(f"{path.name}: time stands still or runs back at sample {int(np.argmax(steps_s <= 0.0)) + 1}")
     if n < 2 or time_s[-1] - time_s[0] < SHORTEST_S:
         raise UsageError(f"{path.name} is too short: {n} samples; {SHORTEST_S:g} s are needed")
-    steps_s = np.diff(time_s)
-    if np.min(steps_s) <= 0.0:
-        raise UsageError(f"{path.name}: time stands still or runs back at sample {int(np.argmin(steps_s)) + 1}")
     if np.max(steps_s) > LONGEST_GAP_S:
         raise UsageError(f"{path.name} has a gap of {np.max(steps_s):.1f} s at sample {int(np.argmax(steps_s)) + 1}")
     if np.max(np.abs(gyr)) > RATE_LIMIT_DPS or np.max(np.abs(acc)) > ACCEL_LIMIT_G:
