@@ -33,7 +33,7 @@ typedef struct {
     uint32_t accel_rate;  /* ADXL345 BW_RATE: 0 to 15 */
     uint32_t gyro_filter; /* DLPF_CFG of ITG-3205 or MPU-6050: 0 to 6 */
     uint32_t imu_axis;    /* of the wheels: 0 x, 1 y, 2 z */
-    uint32_t marks_missing; /* 1: when six axes are lost, ticks go on with counts of INT16_MIN */
+    uint32_t marks_missing; /* 1: ticks go on when six axes are lost, with counts of INT16_MIN */
 } board_sensors_t;
 
 /* Why a digital sensor cannot be trusted. */

@@ -1,20 +1,25 @@
-"""A pilot has armed the flash image by his receiver: it bridges a sensor that is gone for a moment, and stops the
-rotors when it stays away."""
+"""A pilot has armed the flash image by his receiver: it bridges a sensor that is gone for a moment, flies on without
+the accelerometer, and stops the rotors when the gyro stays away."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 
 from plumb.boards.virtual_machine import open_machine
+from plumb.f103.attached.adxl345 import Adxl345
+from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.attached.mpu6050 import Mpu6050
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot
 from plumb.link.identity import disarmed_text
+from plumb.link.realtime import Capture
+from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
 from plumb.spec import crsf
 from plumb.systems import load
@@ -24,7 +29,6 @@ from support.noise import with_noise
 IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.elf"
 pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")
 SYSTEM = load("quadrotor")
-PARAMS = quantise(SYSTEM.TUNINGS["hummingbird"])
 PINS = ("PA0", "PA1", "PA2", "PA3")
 NEUTRAL_US, HOLD_MS = 1000.0, 100
 SENSOR = 0x0040
@@ -35,18 +39,29 @@ START_US = 20_000
 class Flown:
     """A machine, the host that listens to it, and its pilot."""
 
-    def __init__(self) -> None:
-        self.sensor: Mpu6050
+    def __init__(self, *, two_chips: bool = False) -> None:
+        self.sensor: Mpu6050 | Itg3205
+        self.accel: Adxl345
         self._noise = 0
 
+        def rates(_time_s: float) -> tuple[float, float, float]:
+            return self._noisy((0.0, 0.0, 0.0), 0.08)
+
+        def forces(_time_s: float) -> tuple[float, float, float]:
+            return self._noisy((0.0, 0.0, 1.0), 0.004)
+
         def couple(machine: Machine) -> None:
-            self.sensor = Mpu6050(machine, lambda _s: self._felt(0.0, 0.0, 0.0), lambda _s: self._felt(0.0, 0.0, 1.0))
+            self.sensor = Itg3205(machine, rates) if two_chips else Mpu6050(machine, rates, forces)
             machine.i2c_bus.slaves.append(self.sensor)
+            if two_chips:
+                self.accel = Adxl345(machine, forces)
+                machine.i2c_bus.slaves.append(self.accel)
 
         self.machine = open_machine(IMAGE, strap="quadrotor", couple=couple)
         session = Session.open(self.machine.uart)
-        link = {**PARAMS.link_words(), **SYSTEM.LINK, "period_us": 2500, "arm_hold_ms": HOLD_MS}
-        session.upload(PARAMS.words(), **link, receiver=1, accel_bus=2)
+        params = quantise(SYSTEM.TUNINGS["two-chips" if two_chips else "hummingbird"])
+        link = {**params.link_words(), **SYSTEM.LINK, "period_us": 2500, "arm_hold_ms": HOLD_MS}
+        session.upload(params.words(), **link, receiver=1, accel_bus=0 if two_chips else 2)
         session.execute("SAVE")
         session.close()
         self.machine.reset()
@@ -56,10 +71,11 @@ class Flown:
         self.session.connect()
         self.passes(4.0, crsf.sticks())
 
-    def _felt(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+    def _noisy(self, felt: tuple[float, float, float], lsb: float) -> tuple[float, float, float]:
+        """With noise of the size of a count, without which a sensor is taken for stuck."""
         self._noise += 1
-        a, b, c = (0.0006 * count for count in with_noise((0, 0, 0), self._noise, 3))
-        return x + a, y + b, z + c
+        x, y, z = with_noise((0, 0, 0), self._noise, 3)
+        return felt[0] + lsb * x, felt[1] + lsb * y, felt[2] + lsb * z
 
     def passes(self, seconds: float, frame: bytes) -> None:
         end = due = self.session.clock()
@@ -127,3 +143,23 @@ def test_a_sensor_that_stays_away_stops_the_rotors_after_50_ms(flown: Flown) -> 
     flown.passes(0.3, UP)
     said = flown.session.telemetry
     assert not flown.armed and "no samples came" in disarmed_text(said["EVENTS"]["disarm_cause"], said["PLAUSIBILITY"])
+
+
+def test_without_the_accelerometer_it_flies_on_and_takes_it_back() -> None:
+    flown = Flown(two_chips=True)
+    flown.passes(0.25, crsf.sticks(on=True))
+    capture = Capture(flown.session, raw_frames=set(RAW_FRAMES[:2]))
+    flown.session.select(RAW_FRAMES[:2])
+    flown.session.listener = capture.feed
+    flown.passes(0.1, UP)
+    flown.accel.answers = False
+    flown.passes(0.25, UP)
+    flown.accel.answers = True
+    flown.passes(0.25, UP)
+    assert flown.armed and turn(flown.pulses_us)
+    assert not flown.session.telemetry["STATUS"]["faults"] & SENSOR, "it is back"
+    raw = np.array([capture.raw[step][:6] for step in sorted(capture.raw)])
+    lost = (raw[:, 3:] == -32768).all(axis=1)
+    assert 90 <= lost.sum() <= 120, "0.25 s, and up to 20 ms until it is set up again"
+    assert (raw[:, 0] != -32768).all(), "no step without a rate"
+    assert not lost[0] and not lost[-1]

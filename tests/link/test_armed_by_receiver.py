@@ -270,6 +270,18 @@ def test_a_lost_sensor_is_left_to_the_step_which_stops_after_50_ms(field: Field)
     assert "no samples came" in field.why_disarmed
 
 
+def test_an_accelerometer_that_is_lost_alone_leaves_the_pilot_in_control(field: Field) -> None:
+    field.arms()
+    field.pilot(crsf.sticks(throttle=0.3, on=True), 0.3)
+    field.board.wires.accel = NO_DATA
+    field.passes(3.0)
+    assert field.board.armed and turns(field.pulses)
+    assert field.session.telemetry["STATUS"]["faults"] & SENSOR
+    field.board.wires.accel = 0
+    field.passes(0.5)
+    assert field.board.armed and not field.session.telemetry["STATUS"]["faults"] & SENSOR
+
+
 def test_faults_that_end_a_run_on_the_bench_do_not_end_a_flight(field: Field) -> None:
     field.arms()
     field.board.wires.faults = HARD | LATE | SENSOR

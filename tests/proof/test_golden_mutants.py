@@ -70,7 +70,9 @@ def test_a_sample_of_mutants_is_killed(workshop: Workshop) -> None:
     random.Random(SEED).shuffle(sample)
     libraries = [workshop.library(mutant, f"mutant_{number}") for number, mutant in enumerate(sample[:SAMPLE])]
     killed = [killer(library, vectors()) is not None for library in libraries if library is not None]
-    assert sum(killed) >= 0.7 * len(killed), "more of them pass than are equal to the core or nearly so"
+    # 258 of 300 are killed (docs/explanation/design.md); of twelve then fewer than half once in 2,000 samples, which
+    # every change of the core draws anew.
+    assert sum(killed) >= 0.5 * len(killed), "more of them pass than are equal to the core or nearly so"
 
 
 def test_another_test_that_kills_is_named(workshop: Workshop, tmp_path: Path) -> None:

@@ -56,14 +56,17 @@ def felt(rate_dps: FloatArray, moved_g: FloatArray) -> tuple[npt.NDArray[np.int1
     return np.clip(np.rint(raw), -32767, 32767).astype(np.int16), up
 
 
-def run(raw: npt.NDArray[np.int16], limit_dps: float = 2000.0, period_us: int = PERIOD_US) -> Words:
+def tuning_of(limit_dps: float = 2000.0, period_us: int = PERIOD_US) -> AttitudeTuning:
     most = min(round(limit_dps / UNIT_DPS), 32767)
-    tuning = AttitudeTuning(
+    return AttitudeTuning(
         period_us,
         Channel(zero_counts=0.0, unit_per_count=UNIT_DPS, min_counts=-most, max_counts=most),
         Channel(zero_counts=0.0, unit_per_count=UNIT_G, min_counts=-32766, max_counts=32766),
     )
-    return native_core.run_control(quantise(tuning), raw, np.zeros(len(raw), np.int32))
+
+
+def run(raw: npt.NDArray[np.int16], limit_dps: float = 2000.0, period_us: int = PERIOD_US) -> Words:
+    return native_core.run_control(quantise(tuning_of(limit_dps, period_us)), raw, np.zeros(len(raw), np.int32))
 
 
 def error_deg(words: Words, up: FloatArray) -> FloatArray:

@@ -128,9 +128,18 @@ def with_gaps(raw: Counts) -> Counts:
     return raw
 
 
+def with_rates_alone(raw: Counts) -> Counts:
+    """In all kinds of places of a block: at the start, for a while, for one step, beside a gap."""
+    raw = with_gaps(raw)
+    for begin, end in ((7, 40), (500, 700), (800, 801), (298, 332)):
+        raw[begin:end, 3:] = NONE
+    return raw
+
+
 CASES: dict[str, tuple[str, Callable[[], Counts], AttitudeTuning]] = {
     "gaps": ("MISSING", lambda: with_gaps(attitude.scenario("hand", 7, seconds=3.0).counts()), QUICK),
     "clipped": ("GYRO_CLIPPED", lambda: attitude.scenario("fast", 8, seconds=3.0).counts(), clipped(QUICK)),
+    "alone": ("ACCEL_CLIPPED", lambda: with_rates_alone(attitude.scenario("hand", 7, seconds=3.0).counts()), QUICK),
     "rest": ("REST", lambda: attitude.scenario("static", 9, seconds=3.0).counts(), QUICK),
     "fall": ("FALLING", lambda: held((300, (0,) * 6), (300, (0, 0, 0, 900, 0, 1800))), QUICK),
     "upset": ("FALLING", lambda: held((200, (0, 0, 0, 0, 0, ONE_G)), (200, (0, 0, 0, 0, 0, -ONE_G))), QUICK),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from plumb.systems.attitude import reference
 from support.prescribed_motion import (
     BLOCK_S,
     MISSING_COUNT,
@@ -20,6 +21,7 @@ from support.prescribed_motion import (
     steps,
     still,
     swing,
+    tuning_of,
 )
 
 
@@ -97,6 +99,44 @@ def test_a_clipped_gyro_makes_the_tilt_unsure_and_rest_mends_it_within_ten_secon
     # 2 deg is the promise for rest after a clipped turn; 0.4 is reached.
     assert error[stop + steps(10.0) :].max() < 2.0
     assert not flagged(words, "UNSURE")[-1]
+
+
+def test_rates_alone_carry_the_tilt_and_say_that_it_becomes_unsure() -> None:
+    """The accelerometer is lost for 20 s of motion: its channels are marked, those of the gyro go on."""
+    rate = np.vstack([still(12.0)[0], swing(20.0, 60.0, 0.5), still(12.0)[0]])
+    raw, up = felt(rate, np.zeros_like(rate))
+    lost = slice(steps(12.0), steps(32.0))
+    raw[lost, 3:] = MISSING_COUNT
+    words = run(raw)
+    error, sigma = error_deg(words, up), sigma_deg(words)
+    assert not flagged(words, "MISSING").any() and flagged(words, "ACCEL_CLIPPED")[lost].all()
+    # The ideal gyro errs by 0.05 deg; half a degree is what 90 deg/h do in 20 s.
+    assert error[lost].max() < 0.5
+    assert sigma[lost.stop - 1] > 2.0 * sigma[lost.start - 1]
+    grows = sigma[lost][:: steps(4.0)]
+    assert (np.diff(grows) > 0.05).all(), "by 0.1 deg in 4 s"
+    assert error[-1] < 0.1 and sigma[-1] < 2.0 * sigma[lost.start - 1], "the accelerations are back"
+
+
+def test_rates_alone_are_the_same_in_float64() -> None:
+    rate = np.vstack([still(6.0)[0], swing(8.0, 60.0, 0.5), still(4.0)[0]])
+    raw, _ = felt(rate, np.zeros_like(rate))
+    raw[steps(6.0) : steps(12.0), 3:] = MISSING_COUNT
+    raw[steps(7.0) : steps(7.1)] = MISSING_COUNT
+    words, floats = run(raw), reference.run_control(tuning_of(), raw)
+    up = np.stack([floats[f"up_{axis}"] for axis in "xyz"], 1)
+    # Both round: 0.003 deg apart, and 0.036 of 0.84 deg in sigma, a covariance of 32 bits.
+    assert error_deg(words, up).max() < 0.01
+    assert np.abs(sigma_deg(words) - floats["tilt_sigma_deg"])[steps(1.0) :].max() < 0.05
+
+
+def test_before_the_first_acceleration_nothing_is_up() -> None:
+    rate, moved = still(8.0)
+    raw, up = felt(rate + 0.0, moved)
+    raw[: steps(2.0), 3:] = MISSING_COUNT
+    words = run(raw)
+    assert words["up_q30_2"][steps(1.9)] == 1 << 30, "as at the start of a run"
+    assert error_deg(words, up)[-1] < 0.1
 
 
 def test_a_clipped_accelerometer_is_flagged_and_tilts_nothing() -> None:

@@ -77,7 +77,9 @@ static void sample(void) {
                                      [BOARD_SENSORS_ANALOG_6] = 6u,
                                      [BOARD_SENSORS_BALANCE] = 4u,
                                      [BOARD_SENSORS_SIX_AXES] = 6u};
-    const uint32_t lost = sensors.use.kind == BOARD_SENSORS_SIX_AXES && !digital_good() ? 0x3fu : 0u;
+    const uint32_t no_force = cause(native.accel) != BOARD_SENSOR_GOOD ? 0x38u : 0u;
+    const uint32_t no_sample = cause(native.gyro) != BOARD_SENSOR_GOOD ? 0x3fu : no_force;
+    const uint32_t lost = sensors.use.kind == BOARD_SENSORS_SIX_AXES ? no_sample : 0u;
     const uint32_t bad = sensors.use.kind == BOARD_SENSORS_ANALOG_6 ? native.railed | native.stuck : lost;
     for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
         const int32_t count = i < filled[sensors.use.kind] ? native.raw[i] : 0;

@@ -5,7 +5,8 @@
  * millisecond, imu_transferred() at the end of an access. One access is under way at a time; imu_poll_ms()
  * aborts one that takes longer than 2 ms. A failed access is tried three times; then the sensor is lost, the
  * bus is cleared, and the sensor is set up anew every 20 ms. Without both sensors there is no sample, and
- * so no tick; but once there was one, a system that marks missing samples gets counts of INT16_MIN. */
+ * so no tick; but once there was one, a system that marks what is missing gets counts of INT16_MIN for all,
+ * or for the accelerations when the gyro is good. */
 #include "imu.h"
 #include "bridge.h"
 #include "generated/used_parts.h"
@@ -191,12 +192,17 @@ static void store_sample(void) {
     }
 }
 
+static bool bad(uint32_t sensor) {
+    return use.marks_missing != 0u && sensors[sensor].cause != BOARD_SENSOR_GOOD;
+}
+
 static void publish(void) {
     int16_t *const raw = samples_next();
     if (use.kind == BOARD_SENSORS_SIX_AXES) {
+        const bool no_rate = bad(GYRO), no_force = no_rate || bad(chip_count() - 1u);
         for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
-            raw[axis] = axes[GYRO][axis];
-            raw[AXIS_LAST + 1u + axis] = axes[ACCEL][axis];
+            raw[axis] = no_rate ? INT16_MIN : axes[GYRO][axis];
+            raw[AXIS_LAST + 1u + axis] = no_force ? INT16_MIN : axes[ACCEL][axis];
         }
         gave_six_axes = true;
     } else { /* the rate about the wheels' axis, and the accelerations along the other two axes */
@@ -244,7 +250,7 @@ void imu_transferred(transfer_t result) {
     if (phase != SAMPLE) {
         return; /* store_sample() found the sensor stuck */
     }
-    if (active == GYRO && chip_count() > 1u) {
+    if (active == GYRO && chip_count() > 1u && sensors[ACCEL].up) {
         active = ACCEL;
         access();
     } else {
@@ -253,24 +259,19 @@ void imu_transferred(transfer_t result) {
     }
 }
 
-static void publish_missing(void) {
-    int16_t *const raw = samples_next();
-    for (uint32_t i = 0u; i < 2u * (AXIS_LAST + 1u); i++) {
-        raw[i] = INT16_MIN;
-    }
-    samples_publish();
-}
-
 void imu_period(uint32_t length_us) {
     period_us = length_us;
     if (!USED_DIGITAL) {
         return;
     }
     if (!all_up()) {
-        if (gave_six_axes && use.marks_missing) {
-            publish_missing();
+        if (!gave_six_axes || use.marks_missing == 0u) {
+            return;
         }
-        return;
+        if (!sensors[GYRO].up) {
+            publish();
+            return;
+        }
     }
     if (phase != REST) {
         samples_miss();

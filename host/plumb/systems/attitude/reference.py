@@ -102,13 +102,14 @@ class Model:
         rate = np.radians(calibrate(counts[:, :3], gyro)) @ np.array(self.tuning.gyro_mounting.matrix).T
         force = calibrate(counts[:, 3:], accel) @ np.array(self.tuning.accel_mounting.matrix).T
         missing = counts[:, 0] == NO_SAMPLE
+        rates_alone = (counts[:, 3:] == NO_SAMPLE).all(axis=1) & ~missing
         last = np.maximum.accumulate(np.where(missing, -1, np.arange(len(counts))))
         force = np.where(last[:, None] < 0, 0.0, force[np.maximum(last, 0)])
         clipped = [
             ((part < channel.min_counts) | (part > channel.max_counts)).any(axis=1) & ~missing
             for part, channel in ((counts[:, :3], gyro), (counts[:, 3:], accel))
         ]
-        return Samples(rate, force, thrust, missing, *clipped)
+        return Samples(rate, force, thrust, missing, clipped[0], clipped[1] | rates_alone, rates_alone)
 
     def half_angles(self, x: Filter, samples: Samples) -> FloatArray:
         """Half the angles of each step; a missing one turns as the step before."""
@@ -120,9 +121,25 @@ class Model:
             half = both[last]
         return np.asarray(half)
 
+    def accelerations(self, x: Filter, samples: Samples) -> FloatArray:
+        """Where none came: 1 g upwards as the step before has it, which leaves the velocity of the block unknown."""
+        if not samples.rates_alone.any():
+            return samples.accel
+        x.sums.add_variance(0.0, VELOCITY_ADDED_G2S2)
+        accel, q = samples.accel.copy(), x.attitude
+        half = self.half_angles(x, samples)
+        before = np.concatenate([x.half_before[None], half[:-1]]) if x.started else half
+        for step, product in enumerate(right_products(half + np.cross(before / 6.0, half))):
+            if samples.rates_alone[step]:
+                accel[step] = matrices(q[None])[0][2] if x.started else 0.0
+            elif samples.missing[step] and step:
+                accel[step] = accel[step - 1]
+            q = product @ q
+        return accel
+
     def summed(self, x: Filter, samples: Samples) -> FloatArray:
         """Turns the attitude through the samples, adds them to the sums; the attitude after each step (n, 4)."""
-        half, accel, sums = self.half_angles(x, samples), samples.accel, x.sums
+        half, accel, sums = self.half_angles(x, samples), self.accelerations(x, samples), x.sums
         strong = np.linalg.norm(accel, axis=1) >= WORTHLESS_G
         begin = 0 if x.started else int(np.argmax(strong)) if strong.any() else len(half)
         alone = np.arange(len(half)) <= (-1 if x.started else begin)  # steps that have none before them

@@ -86,15 +86,18 @@ class Samples:
     missing: BoolArray
     gyro_clipped: BoolArray
     accel_clipped: BoolArray
+    rates_alone: BoolArray
+    """No acceleration came: taken for 1 g upwards."""
 
     def miss(self, step: int) -> None:
         """A sample that is not taken: the acceleration of the step before stays, as long as samples are missing."""
-        self.missing[step], self.gyro_clipped[step], self.accel_clipped[step] = True, False, False
+        self.missing[step] = True
+        self.gyro_clipped[step] = self.accel_clipped[step] = self.rates_alone[step] = False
         while step < len(self.missing) and self.missing[step]:
             self.accel[step] = self.accel[step - 1]
             step += 1
 
     def part(self, begin: int, end: int) -> Samples:
         cut = slice(begin, end)
-        flags = (self.missing[cut], self.gyro_clipped[cut], self.accel_clipped[cut])
+        flags = (self.missing[cut], self.gyro_clipped[cut], self.accel_clipped[cut], self.rates_alone[cut])
         return Samples(self.rate[cut], self.accel[cut], self.thrust[cut], *flags)
