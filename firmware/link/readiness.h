@@ -15,7 +15,7 @@
 #define READINESS_SWITCH_ON 0x0040U /* the rotors are switched on: they have to be switched off first */
 #define READINESS_LOCKED    0x0080U /* the arm switch of the board is closed, which is its lock */
 
-/* Why the step of a vehicle that flies has stopped its rotors begins at this bit of failed and disarmed_by. */
+/* Why the step of what flies has stopped its rotors begins at this bit of failed and disarmed_by. */
 #define READINESS_STOPPED_SHIFT 8U
 
 typedef struct {

@@ -223,7 +223,7 @@ def test_no_request_of_a_host_without_a_nonce_disarms(field: Field, request_name
     if request_name == "RUN_BEGIN":
         with pytest.raises(NackError) as refused:
             session.begin("REALTIME_LIVE")
-        assert refused.value.reason == "ARMED"
+        assert refused.value.reason == "ARMED" and "a pilot's switch holds it armed" in str(refused.value)
     elif request_name == "HELLO":
         session.send([session.frame("HELLO", 0, 12345)])
     elif request_name == "CLOSE":

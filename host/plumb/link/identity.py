@@ -191,6 +191,8 @@ def nack_error(mine: Protocol, said: dict[str, int], identity: Identity | None =
     name = request.name if request else hex(said["request"])
     if reason == "BLOCKED":
         why = bits_text(detail, BLOCKED)
+    elif reason == "ARMED" and name != "PARAM_COMMIT":
+        why = "a pilot's switch holds it armed"
     elif reason == "UNSAFE_PARAMETER":
         why = armed_values.reason(detail)
     elif reason in ("RANGE", "INDEX") and detail < len(parameters.table()):
