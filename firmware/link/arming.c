@@ -59,11 +59,10 @@ bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
     return closed;
 }
 
-void arming_switch_unread(arming_t *a, uint32_t now_us) {
+void arming_switch_unread(arming_t *a) {
     a->switch_closed = true;
     a->switch_ready = false;
     a->switch_trying = false;
-    a->switch_us = now_us;
 }
 
 bool arming_switch_used_up(const arming_t *a) {

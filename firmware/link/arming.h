@@ -103,9 +103,9 @@ uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us);
  * has to be opened first. */
 bool arming_switch(arming_t *a, bool closed, uint32_t now_us);
 
-/* The switch cannot be read: it has to be seen open once more before a closing counts. A board that is armed
- * stays so. */
-void arming_switch_unread(arming_t *a, uint32_t now_us);
+/* The switch cannot be read, or another one is read from now on: it has to be seen open once more before a
+ * closing counts. A board that is armed stays so. */
+void arming_switch_unread(arming_t *a);
 
 /* True while a closed switch waits to be opened, because its closing was used up or never counted. */
 bool arming_switch_used_up(const arming_t *a);

@@ -65,15 +65,26 @@ static void take_sticks(receiver_t *r, const crsf_t *c, uint32_t now_us) {
     for (unsigned i = r->by_sticks ? 1U : 0U; i < RECEIVER_SWITCHES; i++) {
         follow_switch(r, i, crsf_channel(c, SWITCHES + i));
     }
+    const bool off = !receiver_rotors_on(r) && (r->by_sticks || crsf_channel(c, SWITCHES) < SWITCH_OFF);
+
+    r->off = (uint8_t)(!off ? 0U : r->off < RECEIVER_EQUAL ? r->off + 1U : r->off);
 }
 
 bool receiver_rotors_on(const receiver_t *r) {
     return (r->words[WORD_SWITCHES] & RECEIVER_ROTORS_ON) != 0;
 }
 
+bool receiver_rotors_off(const receiver_t *r) {
+    return r->off >= RECEIVER_EQUAL;
+}
+
 bool receiver_heard(receiver_t *r, uint32_t now_us) {
     r->silent = r->silent || now_us - r->heard_us > RECEIVER_SILENCE_US;
-    return r->number != 0U && !r->silent && !r->lost;
+    if (r->number != 0U && !r->silent && !r->lost) {
+        return true;
+    }
+    r->off = 0;
+    return false;
 }
 
 void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count, uint32_t now_us) {

@@ -44,11 +44,12 @@ typedef struct {
     int16_t words[RECEIVER_WORDS]; /* roll, pitch, yaw, Q15; switches; number of the frame, RECEIVER_LOST */
     uint8_t number;                /* of the newest frame, 1 to 255 in a circle; 0: none has come */
     uint8_t equal[RECEIVER_SWITCHES]; /* frames in a row that ask for the other position */
-    bool lost;                        /* the link quality is 0 */
-    bool silent;                      /* no frame for RECEIVER_SILENCE_US */
-    bool by_sticks;                   /* the caller's choice: the sticks switch the rotors */
-    uint32_t heard_us;                /* when the newest frame of channels came */
-    uint32_t gesture_us;              /* since when the sticks ask for the other position */
+    uint8_t off;         /* frames in a row with the rotors off, to RECEIVER_EQUAL; 0: not heard */
+    bool lost;           /* the link quality is 0 */
+    bool silent;         /* no frame for RECEIVER_SILENCE_US */
+    bool by_sticks;      /* the caller's choice: the sticks switch the rotors */
+    uint32_t heard_us;   /* when the newest frame of channels came */
+    uint32_t gesture_us; /* since when the sticks ask for the other position */
 } receiver_t;
 
 /* Handle bytes of the line, which came until now. */
@@ -60,5 +61,9 @@ bool receiver_heard(receiver_t *r, uint32_t now_us);
 
 /* True when the pilot has the rotors switched on, by the newest frames that counted. */
 bool receiver_rotors_on(const receiver_t *r);
+
+/* True when RECEIVER_EQUAL frames in a row, all since the receiver is heard, had the rotors off. Not the
+ * opposite of receiver_rotors_on(): a switch that is on is taken as off until as many frames say on. */
+bool receiver_rotors_off(const receiver_t *r);
 
 #endif

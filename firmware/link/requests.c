@@ -144,6 +144,16 @@ static uint16_t execute(session_t *s, const request_t *q, uint16_t verb) {
     return reason;
 }
 
+/* While a pilot holds the board armed, of all requests EXECUTE DISARM alone stops it. ARM would hold the
+ * rotors at neutral, and then wait for keep-alives. */
+static bool refused_in_flight(session_t *s, const request_t *q) {
+    if (session_flown(s)) {
+        routing_nack(&s->routing, q, MESSAGE_NACK_REASON_ARMED, s->run.step);
+        return true;
+    }
+    return false;
+}
+
 static void arm(session_t *s, const request_t *q) {
     const uint32_t echo = message_execute_unpack(q->frame).nonce & ARM_ECHO_MASK;
     uint16_t blocked;
@@ -166,6 +176,8 @@ static void on_execute(session_t *s, const request_t *q) {
 
     if (!nonce_answer(&s->nonce[q->link], m.verb, m.nonce, q->now_us)) {
         routing_nack(&s->routing, q, MESSAGE_NACK_REASON_NONCE, 0);
+    } else if (m.verb == MESSAGE_EXECUTE_VERB_ARM && refused_in_flight(s, q)) {
+        return;
     } else if (m.verb == MESSAGE_EXECUTE_VERB_ARM) {
         arm(s, q);
     } else {
@@ -188,15 +200,6 @@ static run_links_t links_of_run(link_t owner, unsigned flags) {
         .samples = (flags & MESSAGE_RUN_BEGIN_SAMPLES_ELSEWHERE) != 0U ? other : owner,
         .setpoints = (flags & MESSAGE_RUN_BEGIN_SETPOINTS_ELSEWHERE) != 0U ? other : owner,
     };
-}
-
-/* While a pilot holds the board armed, no frame that needs no nonce stops it: EXECUTE DISARM does. */
-static bool refused_in_flight(session_t *s, const request_t *q) {
-    if (session_flown(s)) {
-        routing_nack(&s->routing, q, MESSAGE_NACK_REASON_ARMED, s->run.step);
-        return true;
-    }
-    return false;
 }
 
 static void on_run_begin(session_t *s, const request_t *q) {

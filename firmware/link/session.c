@@ -151,14 +151,17 @@ static uint16_t pilot_missing(const session_t *s, bool heard, bool locked) {
 
 /* The switch of the pilot arms and disarms, in any run in real time. A run begins without a host, too,
  * because the step has to see the switch off before it is on. While the receiver is not heard an armed board
- * leaves the rotors to the step; a board that is not armed has to see the switch off once more. */
+ * leaves the rotors to the step; a board that is not armed has to see the switch off once more. Off is seen
+ * when the frames say so, at any rate of frames; an armed board obeys the switch as the step reads it. */
 static void follow_pilot(session_t *s, bool locked, uint32_t now_us) {
     const bool heard = receiver_heard(&s->receiver, now_us);
+    const bool on = receiver_rotors_on(&s->receiver);
+    const bool read = on || receiver_rotors_off(&s->receiver) || arming_armed(&s->arming);
 
-    if (heard) {
-        (void)arming_switch(&s->arming, receiver_rotors_on(&s->receiver), now_us);
-    } else if (!arming_armed(&s->arming)) {
-        arming_switch_unread(&s->arming, now_us);
+    if (heard && read) {
+        (void)arming_switch(&s->arming, on, now_us);
+    } else if (!heard && !arming_armed(&s->arming)) {
+        arming_switch_unread(&s->arming);
     }
     s->readiness.pilot = pilot_missing(s, heard, locked);
     if (s->arming.switch_trying) {
@@ -300,7 +303,13 @@ void session_apply_staged(session_t *s) {
     if (s->run.mode != RUN_IDLE) {
         control_retune(s->control, &s->params->control, &s->staging.table->control);
     }
+    const bool piloted = has_receiver(s);
+
     staging_apply(&s->staging, s->params, session_armed(s));
+    if (has_receiver(s) != piloted) {
+        /* a pilot's from now on, or the board's */
+        arming_switch_unread(&s->arming);
+    }
 }
 
 void session_report_parameters(session_t *s, uint32_t crc) {

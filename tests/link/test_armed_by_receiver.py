@@ -7,89 +7,18 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from plumb import systems
 from plumb.errors import LinkError
-from plumb.link.identity import IMPLAUSIBLE, NOT_READY, NackError, disarmed_text
+from plumb.link.identity import IMPLAUSIBLE, NackError
 from plumb.link.parameter_table import commit, read_table
-from plumb.link.session import Session
 from plumb.spec import crsf
 from plumb.spec.parameter_file import by_name
-from plumb.tuning.quantise import quantise
-from support.native_board import NativeBoard
-from support.noise import with_noise
+from support.piloted_board import HOLD_S, LEVEL, NEUTRAL_HALFUS, OFF, ON, ONE_G, Field, turns
 
-SYSTEM = systems.load("quadrotor")
-PARAMS = quantise(SYSTEM.TUNINGS["hummingbird"])
-PINS_QUADROTOR = 2
-ONE_G, ONE_DPS = 2048, 16.4
-LEVEL = (0, 0, 0, 0, 0, ONE_G)
+ONE_DPS = 16.4
 LEANING = (0, 0, 0, 0, round(0.5 * ONE_G), round(0.866 * ONE_G))
 TURNING = (0, 0, round(8 * ONE_DPS), 0, 0, ONE_G)
-PERIOD_S, HOLD_S = 0.0025, 0.5
-NEUTRAL_HALFUS, IDLE_HALFUS = 2000, 2060
-FRAME_S = 0.01
-OFF, ON = crsf.sticks(), crsf.sticks(on=True)
 LATE, HARD, SENSOR, STALLED = 0x0002, 0x0004, 0x0040, 0x2000
 NO_DATA = 5
-
-
-class Field:
-    """A vehicle with its board switched on, a pilot whose receiver sends a frame every 10 ms, and a host that listens.
-    sends: the pilot's frame; empty: silence."""
-
-    def __init__(self, sends: bytes = OFF, **words: int) -> None:
-        self.board, self.feels, self.sends, self._number = NativeBoard(), LEVEL, sends, 0
-        self.board.wires.strap = PINS_QUADROTOR
-        self.board.wires.receiver_byte_ns = round(1e10 / crsf.BAUD)
-        self.board.sensors(LEVEL)
-        with Session.open(self.board) as session:
-            link = {**PARAMS.link_words(), **SYSTEM.LINK, "period_us": 2500, "arm_hold_ms": round(1000 * HOLD_S)}
-            session.upload(PARAMS.words(), **{**link, "receiver": 1, **words})
-            session.execute("SAVE")
-        self.board.mcu.power_off()
-        self.board.mcu.power_on()
-        self.session = Session.open(self.board)
-        self.session.connect()
-        self.listens = True
-
-    def leaves(self) -> None:
-        """The host goes."""
-        self.session.close()
-        self.listens = False
-
-    def passes(self, seconds: float) -> None:
-        for _ in range(round(seconds / PERIOD_S)):
-            if self._number % round(FRAME_S / PERIOD_S) == 0:
-                self.board.mcu.receiver_send(self.sends)
-            self._number += 1
-            self.board.sensors(with_noise(self.feels, self._number, 6), self.board.wires.faults)
-            if self.listens:
-                self.session.receive(PERIOD_S)
-            else:
-                self.board.run_us(round(PERIOD_S * 1e6))
-
-    def pilot(self, sends: bytes, seconds: float) -> None:
-        self.sends = sends
-        self.passes(seconds)
-
-    def arms(self) -> None:
-        """Stands for long enough, then the switch."""
-        self.passes(4.0)
-        self.pilot(ON, HOLD_S + 0.2)
-        assert self.board.armed
-
-    @property
-    def pulses(self) -> list[int]:
-        return list(self.board.wires.pulse_halfus)
-
-    @property
-    def missing(self) -> str:
-        bits = self.session.telemetry["PLAUSIBILITY"]["missing"]
-        return "; ".join(text for bit, text in NOT_READY.items() if bits >> bit & 1)
-
-    @property
-    def why_disarmed(self) -> str:
-        return disarmed_text(self.session.telemetry["EVENTS"]["disarm_cause"], self.session.telemetry["PLAUSIBILITY"])
 
 
 @pytest.fixture
@@ -97,10 +26,6 @@ def field() -> Iterator[Field]:
     one = Field()
     yield one
     one.session.close()
-
-
-def turns(pulses: list[int]) -> bool:
-    return all(pulse > NEUTRAL_HALFUS + 20 for pulse in pulses)
 
 
 def test_the_switch_arms_and_disarms_without_a_host(field: Field) -> None:
