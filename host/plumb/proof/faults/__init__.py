@@ -6,5 +6,6 @@ scene.py        the virtual board with its plant, armed and driving, and the hos
 outputs.py      when the output pins were unsafe
 reports.py      reports that the board sent, by frame and signal
 runner.py       restores the armed scene for every fault, injects, measures, and judges
-table.py        all faults, one module for each group: sensors, buses, clock, power, memory, host, frames, hangs
+table.py        all faults, one module for each group: sensors, buses, clock, power, memory, host, frames, hangs,
+                flights (with pilot.py, who flies)
 """

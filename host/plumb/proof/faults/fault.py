@@ -18,11 +18,11 @@ Action = Callable[["Scene"], None]
 class Fault:
     """One row of the fault table.
 
-    name: unique; lower case with hyphens. group: sensors, buses, clock, power, memory, host, frames or hangs.
+    name: unique; lower case with hyphens. group: sensors, buses, clock, power, memory, host, frames, hangs or flights.
     what: the injection and its place, as one phrase. inject: injects at pins, buses, memory or frames; time may
     pass meanwhile. limit: a row of limits.toml. told: all reports that the board must make; a tuple inside lists
     alternatives. needs: features that the scene must have (Scene.features); with `estimate` the fault is only for
-    systems that drive nothing. link: link of the host that armed.
+    systems that drive nothing. link: link of the host that armed; scene.RECEIVER: a pilot did.
     prepare: runs before the injection; time counts from its end.
     holds: the fault must have no effect: all steps equal those without it, and the board stays armed or disarmed.
     by: the layer that must make the outputs safe (outputs.PROGRAM, outputs.RESET), where a second layer behind it would

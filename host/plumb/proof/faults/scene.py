@@ -26,6 +26,7 @@ from plumb.flash.image import find_image
 from plumb.link import parameter_table
 from plumb.link.identity import Identity
 from plumb.link.session import Session
+from plumb.proof.faults.pilot import Pilot
 from plumb.proof.faults.sample_source import Source
 from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
@@ -56,8 +57,14 @@ HELD_BY_ITSELF = "held by itself"
 """A feature: the outputs are away from neutral with the setpoint 0; a setpoint that ceases does not stop them."""
 LINKED = "linked"
 """A feature: another link than the owner's may give the setpoint."""
+PILOT = "pilot"
+"""A feature: a pilot's receiver may arm it."""
+RECEIVER = "receiver"
+"""In place of a host's link: what armed the scene. A host on serial listens."""
 ARMING_S = 3.0
 """Longest time to arming, while the sensors come up and the estimate converges."""
+SWITCH_S = 0.5
+"""Longest time from the pilot's switch until the host hears that the board is armed."""
 LISTEN_S = 0.001
 """Interval at which the host reads its link; frames get the time of that reading."""
 
@@ -85,7 +92,7 @@ class Scene:
 
     host_alive: when False, the host sends nothing but still listens. deaf: the host receives nothing.
     variant: number of the variant to inject, from 0 on. notes, stuck: numbers and frames that an injection
-    keeps from its preparation. source: of injected samples.
+    keeps from its preparation. source: of injected samples. pilot: his receiver, where he has armed the board.
     """
 
     name: str
@@ -102,6 +109,7 @@ class Scene:
     notes: dict[str, int] = field(default_factory=dict)
     stuck: list[Frame] = field(default_factory=list)
     source: Source | None = None
+    pilot: Pilot | None = None
 
     @property
     def machine(self) -> Machine:
@@ -158,6 +166,7 @@ class Scene:
             CHECKED: declared.checked_by == "plausibility",
             HELD_BY_ITSELF: not isinstance(self.live, CommandedPins),
             LINKED: declared.command_source == "link",
+            PILOT: declared.command_source == "receiver",
         }
         return frozenset(name for name, is_there in found.items() if is_there)
 
@@ -228,6 +237,8 @@ class Scene:
             wait_s = min(LISTEN_S, (end - self.machine.now) / TICKS_PER_S)
             if self.source is not None:
                 self.source.send_due(self.session)
+            if self.pilot is not None:
+                self.pilot.send_due(self.machine)
             if self.host_alive:
                 self.session.receive(wait_s)
             else:
@@ -272,7 +283,7 @@ def driving(
     changes: Mapping[str, int] = MappingProxyType({}),
 ) -> Scene:
     """A system with its plant on the pins of the virtual board, running over `link` for DRIVING_S; one that drives
-    something is armed.
+    something is armed, by the host over that link, or with RECEIVER by its pilot.
 
     The plant runs the scenario, by default that of a served board, in closed loop. changes: words of the
     parameter table that replace those of the scenario. Raises LinkError with the board's reason when it does not arm
@@ -281,10 +292,11 @@ def driving(
     system, parts = systems.load(name), systems.load(name, PINS)
     tuning = system.TUNINGS[parts.TUNING]
     scenario = system.scenario(scenario_name or parts.SCENARIO, SEED, period_us=tuning.period_us)
-    board = VirtualBoard(image, link=link)
+    by_pilot = link == RECEIVER
+    board = VirtualBoard(image, link="serial" if by_pilot else link)
     try:
         params = quantise(fitted(scenario, tuning))
-        words = link_words(system, scenario)
+        words = link_words(system, scenario) | ({"receiver": 1} if by_pilot else {})
         session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **words)
         if changes:
             parameter_table.commit(session, {**by_name(parameter_table.read_table(session)), **changes})
@@ -293,7 +305,9 @@ def driving(
         board.machine.uart.timeout = LISTEN_S
         board.machine.advance_us(plant_on_pins.FOUND_US)
         session.begin("REALTIME_LIVE", frames=parts.FRAMES)
-        if system.OUTPUT_FRAMES:
+        if by_pilot:
+            fly(scene)
+        elif system.OUTPUT_FRAMES:
             arm(scene)
             command(scene)
         scene.run(DRIVING_S)
@@ -314,6 +328,18 @@ def arm(scene: Scene) -> None:
             if scene.now_s > end_s:
                 raise
         scene.run(0.05)
+
+
+def fly(scene: Scene) -> None:
+    """The pilot arms by his switch once the vehicle has stood for long enough, and raises the throttle; raises
+    LinkError when the board does not arm."""
+    assert isinstance(scene.live, CommandedPins)
+    scene.pilot = Pilot(scene.machine.now_s)
+    scene.run(ARMING_S)
+    scene.pilot.says = (0.0, True)
+    if not scene.run_until(lambda: scene.says_armed, SWITCH_S):
+        raise LinkError("the pilot's switch did not arm the board")
+    scene.pilot.says = (scene.live.DRIVING[0] / 32767, True)
 
 
 def command(scene: Scene) -> None:

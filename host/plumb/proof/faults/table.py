@@ -7,15 +7,29 @@ from fnmatch import fnmatch
 
 from plumb import systems
 from plumb.errors import UsageError
-from plumb.proof.faults import armings, buses, clock, frames, hangs, host, memory, power, registers, samples, sensors
+from plumb.proof.faults import (
+    armings,
+    buses,
+    clock,
+    flights,
+    frames,
+    hangs,
+    host,
+    memory,
+    power,
+    registers,
+    samples,
+    sensors,
+)
 from plumb.proof.faults.fault import Fault
 from plumb.systems.contracts import PINS, AnalogPins
 
-GROUPS = ("sensors", "buses", "clock", "power", "memory", "host", "frames", "hangs")
+GROUPS = ("sensors", "buses", "clock", "power", "memory", "host", "frames", "hangs", "flights")
 FAULTS: tuple[Fault, ...] = (
     *sensors.FAULTS, *buses.FAULTS, *clock.FAULTS, *power.FAULTS, *memory.FAULTS, *registers.FAULTS,
     *host.FAULTS,
     *armings.FAULTS, *samples.FAULTS, *frames.FAULTS, *hangs.FAULTS,
+    *flights.FAULTS,
 )  # fmt: skip
 
 

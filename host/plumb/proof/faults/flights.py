@@ -1,0 +1,86 @@
+"""Faults while a pilot's receiver holds the vehicle armed: no formality stops it, and what must stop it does."""
+
+from __future__ import annotations
+
+from plumb.proof.faults.clock import steps_stop
+from plumb.proof.faults.fault import Action, Fault
+from plumb.proof.faults.hangs import BY_WINDOW_WATCHDOG, loop_hangs
+from plumb.proof.faults.host import closes_and_opens, disarms, ends_run, silent
+from plumb.proof.faults.outputs import PROGRAM
+from plumb.proof.faults.reports import Told
+from plumb.proof.faults.scene import PILOT, RECEIVER, Scene
+from plumb.proof.faults.sensors import GYRO_BACK, chip
+
+FLOWN = frozenset({PILOT})
+CHIPS = frozenset({PILOT, "chips"})
+GONE_S = 0.02
+BY_COMMAND, BY_SWITCH, BY_STEP = (Told("EVENTS", "disarm_cause", 1 << bit) for bit in (6, 8, 15))
+NO_SAMPLES, RECEIVER_LOST = (Told("PLAUSIBILITY", "disarmed_by", 1 << bit) for bit in (8, 11))
+
+
+def disarms_with_a_nonce(scene: Scene) -> None:
+    scene.session.disarm()
+
+
+def asks_for_a_nonce(scene: Scene) -> None:
+    session = scene.session
+    run = session.protocol["RUN_BEGIN"].value("run", "REALTIME_LIVE")
+    scene.notes["nonce"] = session.request("CHALLENGE", run, 0, answer="NONCE", first=run)["nonce"]
+
+
+def begins_a_run(scene: Scene) -> None:
+    session = scene.session
+    run = session.protocol["RUN_BEGIN"].value("run", "REALTIME_LIVE")
+    session.send([session.frame("RUN_BEGIN", run, scene.notes["nonce"])])
+
+
+def locks(scene: Scene) -> None:
+    """The arm switch on the board is closed."""
+    scene.machine.drive("PC14", False)
+
+
+def says(what: tuple[float, bool] | None) -> Action:
+    def inject(scene: Scene) -> None:
+        assert scene.pilot is not None
+        scene.pilot.says = what
+
+    return inject
+
+
+def sensor_is_gone(scene: Scene) -> None:
+    """It does not acknowledge for a while."""
+    chip("gyro", answers=False)(scene)
+    scene.run(GONE_S)
+    chip("gyro", answers=True)(scene)
+
+
+FAULTS = (
+    Fault("flown-host-silent", "flights", "the host that listens stops sending, while a pilot flies", silent, "held",
+          needs=FLOWN, link=RECEIVER, holds=True),
+    Fault("flown-link-closed-and-opened", "flights", "the host says C and O, while a pilot flies", closes_and_opens,
+          "held", needs=FLOWN, link=RECEIVER, holds=True),
+    Fault("flown-disarm", "flights", "DISARM without a nonce, while a pilot flies", disarms, "held", needs=FLOWN,
+          link=RECEIVER, holds=True),
+    Fault("flown-run-end", "flights", "RUN_END, while a pilot flies", ends_run, "held", needs=FLOWN, link=RECEIVER,
+          holds=True),
+    Fault("flown-run-begin", "flights", "RUN_BEGIN with its nonce, while a pilot flies", begins_a_run, "held",
+          needs=FLOWN, link=RECEIVER, prepare=asks_for_a_nonce, holds=True),
+    Fault("flown-locked", "flights", "the arm switch on the board closes, while a pilot flies", locks, "held",
+          needs=FLOWN, link=RECEIVER, holds=True),
+    Fault("flown-disarmed-with-nonce", "flights", "EXECUTE DISARM with its nonce, while a pilot flies",
+          disarms_with_a_nonce, "command", (BY_COMMAND,), needs=FLOWN, link=RECEIVER),
+    Fault("flown-switched-off", "flights", "the pilot switches the rotors off", says((0.3, False)), "pilot",
+          (BY_SWITCH,), needs=FLOWN, link=RECEIVER, phases=True),
+    Fault("flown-receiver-silent", "flights", "no frame of the receiver comes, in the air", says(None), "receiver",
+          (BY_STEP, RECEIVER_LOST), needs=FLOWN, link=RECEIVER, phases=True),
+    Fault("flown-sensor-gone", "flights", "the sensor does not acknowledge for 20 ms, while a pilot flies",
+          sensor_is_gone, "sensor", (GYRO_BACK,), needs=CHIPS, link=RECEIVER, moves_on=True),
+    Fault("flown-sensor-lost", "flights", "the sensor does not acknowledge, while a pilot flies",
+          chip("gyro", answers=False), "blind", (BY_STEP, NO_SAMPLES), needs=CHIPS, link=RECEIVER, phases=True),
+    Fault("flown-sensor-frozen", "flights", "the data registers keep their values, while a pilot flies",
+          chip("gyro", frozen=True), "frozen", (BY_STEP, NO_SAMPLES), needs=CHIPS, link=RECEIVER),
+    Fault("flown-steps-stop", "flights", "the timer that paces the steps stands still, while a pilot flies", steps_stop,
+          "steps", (Told("EVENTS", "disarm_cause", 1 << 3),), needs=FLOWN, link=RECEIVER),
+    Fault("flown-loop-hangs", "flights", "the main loop branches to itself, while a pilot flies", loop_hangs, "stall",
+          (BY_WINDOW_WATCHDOG,), needs=FLOWN, link=RECEIVER, by=PROGRAM),
+)  # fmt: skip
