@@ -117,6 +117,13 @@ def test_a_name_that_is_none_or_several_is_refused(name: str, said: str) -> None
     assert said in str(refused.value) and len(str(refused.value)) < 300
 
 
+def test_a_name_that_is_near_is_offered_once() -> None:
+    with pytest.raises(UsageError) as refused:
+        quantities.find("recever", quantities.quantities_of(shipped_tunings.table_of("quadrotor", None)))
+    offered = str(refused.value).rpartition("did you mean ")[2].rstrip("?").split(" or ")
+    assert "receiver" in offered and len(set(offered)) == len(offered)
+
+
 @pytest.mark.parametrize("end", ["min", "max"])
 def test_integers_that_stand_for_no_tuning_are_a_sentence(end: str) -> None:
     """Every integer of every system at the end of its range: a tuning in units, or one sentence."""

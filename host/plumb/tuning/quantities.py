@@ -237,8 +237,9 @@ def _ends_in(quantity: NamedQuantity, name: str) -> bool:
 
 
 def _hint(name: str, names: Mapping[str, NamedQuantity], tails: list[NamedQuantity]) -> str:
-    every = [one for quantity in names.values() for one in (quantity.alias, quantity.name, quantity.also) if one]
-    near = [one.alias for one in tails] or list(dict.fromkeys(one for one in every if name and name in one))
+    spelt = (one for quantity in names.values() for one in (quantity.alias, quantity.name, quantity.also) if one)
+    every = list(dict.fromkeys(spelt))
+    near = [one.alias for one in tails] or [one for one in every if name and name in one]
     near = (near or difflib.get_close_matches(name, every, 3, 0.5))[:3]
     hint = f"did you mean {' or '.join(near)}?" if near else "`plumb params list` or list(board.params) names them all"
     row = next((row for row in parameters.table() if name in (row.name, *row.was)), None)
