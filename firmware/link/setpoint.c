@@ -20,6 +20,7 @@ void setpoint_of_board(setpoint_t *s, int32_t value, const int16_t *words, size_
     memcpy(s->commands.words, words, count * sizeof words[0]);
     s->waiting = s->waiting || s->turn_q32 != value;
     s->turn_q32 = value;
+    s->heard = true; /* on every turn: how old it is, the step knows */
 }
 #endif
 

@@ -126,6 +126,21 @@ def test_what_a_host_armed_the_switch_turns_on_and_off_and_a_silent_host_ends_it
     assert not field.board.armed, "the switch has to be off first"
 
 
+def test_the_throttle_of_a_pilot_is_reported_when_it_changes_and_never_as_timed_out() -> None:
+    field = Field()
+    field.arms()
+    sent = bytearray()
+
+    def kept(data: bytes) -> bytes:
+        sent.extend(data)
+        return data
+
+    field.board.spoil_up = kept
+    field.pilot(crsf.sticks(throttle=0.3, on=True), 1.0)
+    head = b"t%03X" % field.session.protocol["SETPOINT_USED"].identifier
+    assert sum(line.startswith(head) for line in bytes(sent).split(b"\r")) == 1
+
+
 def test_garbage_arms_nothing_and_stops_nothing() -> None:
     drawn = random.Random(1)
     field = Field()
