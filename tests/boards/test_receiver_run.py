@@ -23,6 +23,7 @@ from plumb.spec.protocol import protocol
 from plumb.systems import run_fixed
 from plumb.systems.quadrotor import quantise, scenarios
 from support.image_patches import patched
+from support.noise import with_noise
 
 PARAMS = quantise.quantise(scenarios.TUNINGS["hummingbird"])
 PERIOD_US = 2500
@@ -90,8 +91,17 @@ def virtual() -> Flight:
     from plumb.f103.attached.mpu6050 import Mpu6050
     from plumb.f103.machine import Machine
 
+    def rates(time_s: float) -> tuple[float, float, float]:
+        """With noise: data that stand still are those of a stuck sensor."""
+        x, y, z = (0.06 * count for count in with_noise((5, -3, 2), round(1e6 * time_s), 3))
+        return x, y, z
+
+    def forces(time_s: float) -> tuple[float, float, float]:
+        x, y, z = (count / 2048 for count in with_noise((20, 40, 2048), round(1e6 * time_s) + 1, 3))
+        return x, y, z
+
     def couple(machine: Machine) -> None:
-        machine.i2c_bus.slaves.append(Mpu6050(machine, lambda _s: (0.3, -0.2, 0.1), lambda _s: (0.01, 0.02, 1.0)))
+        machine.i2c_bus.slaves.append(Mpu6050(machine, rates, forces))
 
     machine = open_machine(IMAGE, strap="quadrotor", couple=couple)
     return Flight(Session.open(machine.uart), machine.usart3.receive, machine)
