@@ -69,11 +69,10 @@ KERNEL uint32_t take_sample(plumb_attitude_words_t *w, const plumb_params_t *p, 
 
 /* A sample with rates alone: the acceleration is taken for 1 g upwards, which tells nothing about the tilt,
  * and with it the velocity of the block for unknown. */
-SELDOM uint32_t without_acceleration(plumb_attitude_t *c) {
+SELDOM void without_acceleration(plumb_attitude_t *c) {
     for (unsigned i = 0; i < 3U; i++)
         c->words.accel_g_q25[i] = c->started ? asr32(c->words.up_q30[i], 5) : 0;
     c->velocity_added_q26 = VELOCITY_ADDED_Q26;
-    return PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED;
 }
 
 /* One row of the attitude's matrix into the coupling of the block. */
@@ -102,8 +101,9 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
         c->gap_steps = (uint8_t)min_u32(c->gap_steps + 1U, LONGEST_RUN);
     } else {
         flags = take_sample(w, p, raw);
-        if (raw[3] == INT16_MIN && raw[4] == INT16_MIN && raw[5] == INT16_MIN)
-            flags |= without_acceleration(c);
+        if ((flags & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U && raw[3] == INT16_MIN && raw[4] == INT16_MIN &&
+            raw[5] == INT16_MIN)
+            without_acceleration(c);
     }
     const int32_t hx = half_angle(w->rate_turnps_q28[0], a->half_angle);
     const int32_t hy = half_angle(w->rate_turnps_q28[1], a->half_angle);

@@ -102,14 +102,14 @@ class Model:
         rate = np.radians(calibrate(counts[:, :3], gyro)) @ np.array(self.tuning.gyro_mounting.matrix).T
         force = calibrate(counts[:, 3:], accel) @ np.array(self.tuning.accel_mounting.matrix).T
         missing = counts[:, 0] == NO_SAMPLE
-        rates_alone = (counts[:, 3:] == NO_SAMPLE).all(axis=1) & ~missing
         last = np.maximum.accumulate(np.where(missing, -1, np.arange(len(counts))))
         force = np.where(last[:, None] < 0, 0.0, force[np.maximum(last, 0)])
         clipped = [
             ((part < channel.min_counts) | (part > channel.max_counts)).any(axis=1) & ~missing
             for part, channel in ((counts[:, :3], gyro), (counts[:, 3:], accel))
         ]
-        return Samples(rate, force, thrust, missing, clipped[0], clipped[1] | rates_alone, rates_alone)
+        rates_alone = (counts[:, 3:] == NO_SAMPLE).all(axis=1) & clipped[1]
+        return Samples(rate, force, thrust, missing, clipped[0], clipped[1], rates_alone)
 
     def half_angles(self, x: Filter, samples: Samples) -> FloatArray:
         """Half the angles of each step; a missing one turns as the step before."""
