@@ -11,7 +11,7 @@ import pytest
 from plumb.boards.native import NativeBoard
 from plumb.boards.native_mcu import NativeCanBus
 from plumb.cockpit import board_loop
-from plumb.cockpit.board_loop import ORDERS_MAX
+from plumb.cockpit.board_run import ORDERS_MAX
 from plumb.cockpit.hold import TIMEOUT_S
 from plumb.cockpit.samples import PIECE_HEADER
 from plumb.cockpit.setpoint import StepTest, setpoint_of

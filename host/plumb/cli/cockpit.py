@@ -22,8 +22,11 @@ from typing import TYPE_CHECKING
 from plumb.cli import options
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from plumb.boards.link import LinkBoard
     from plumb.cockpit.board_run import PlantOnBoard
+    from plumb.cockpit.page_server import PageServer
 
 SWITCH_S = 0.001
 """Longest time that the thread of a simulated board keeps that of the pages from a heartbeat."""
@@ -70,8 +73,6 @@ def check_page(arguments: argparse.Namespace) -> None:
 
 def serve(arguments: argparse.Namespace, board: LinkBoard) -> None:
     """Serve the page until Ctrl-C, or for --seconds."""
-    import time
-
     from plumb.cockpit.board_loop import BoardLoop
     from plumb.cockpit.hold import Hold
     from plumb.cockpit.page_server import PageServer
@@ -91,6 +92,18 @@ def serve(arguments: argparse.Namespace, board: LinkBoard) -> None:
         reopen=None if plant is not None else lambda: options.linked_board_of(arguments),
         command=getattr(arguments, "command_line", ""),
     )
+    with endings() as caught, PageServer(loop, arguments.port) as server:
+        announce(arguments, "cockpit", server.control_address, server.watch_address)
+        loop.run(stopping(arguments, server, caught))
+    if caught:
+        raise_ending(caught)
+
+
+def stopping(arguments: argparse.Namespace, server: PageServer, caught: Sequence[int]) -> Callable[[], bool]:
+    """A function that is true when the command is to end: by a signal, or after --seconds from now. Raises what made
+    the server fail. From now on threads take turns often, so that a page does not wait for the loop."""
+    import time
+
     sys.setswitchinterval(SWITCH_S)
     begin_s = time.monotonic()
 
@@ -100,11 +113,7 @@ def serve(arguments: argparse.Namespace, board: LinkBoard) -> None:
         late = arguments.seconds is not None and time.monotonic() - begin_s >= arguments.seconds
         return bool(caught) or late
 
-    with endings() as caught, PageServer(loop, arguments.port) as server:
-        announce(arguments, "cockpit", server.control_address, server.watch_address)
-        loop.run(stopped)
-    if caught:
-        raise_ending(caught)
+    return stopped
 
 
 def announce(arguments: argparse.Namespace, what: str, control: str, watch: str) -> None:

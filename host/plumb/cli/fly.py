@@ -13,7 +13,6 @@ Every flight is recorded, and has a report; `plumb replay` gives the record back
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from plumb.cockpit.flight.flight_loop import FlightLoop
 
 PART = "steered"
-SWITCH_S = 0.001
-"""Longest time that the thread of the flight keeps that of the pages from the sticks."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,26 +55,16 @@ def main(arguments: argparse.Namespace) -> int:
 def _serve(arguments: argparse.Namespace, flight: FlightLoop) -> None:
     """Serve the page until Ctrl-C, or for --seconds."""
     import functools
-    import time
 
-    from plumb.cli.cockpit import announce
+    from plumb.cli.cockpit import announce, stopping
     from plumb.cockpit.flight.flight_page import ASSETS, FlightPage
     from plumb.cockpit.page_server import PageServer
     from plumb.process_signals import endings, raise_ending
 
-    sys.setswitchinterval(SWITCH_S)
-    begin_s = time.monotonic()
-
-    def stopped() -> bool:
-        if server.failed is not None:
-            raise server.failed
-        late = arguments.seconds is not None and time.monotonic() - begin_s >= arguments.seconds
-        return bool(caught) or late
-
     opened = functools.partial(FlightPage, flight)
     with endings() as caught, PageServer(flight, arguments.port, assets=ASSETS, opened=opened) as server:
         announce(arguments, "fly", server.control_address, server.watch_address)
-        flight.run(stopped)
+        flight.run(stopping(arguments, server, caught))
         flight.close()
         _tell(arguments, flight)
     if caught:

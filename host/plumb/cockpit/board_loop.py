@@ -31,8 +31,6 @@ from plumb.spec.parameter_file import by_name
 STATE_EVERY_S = 0.1
 REOPEN_S = 1.0
 """Pause between two tries to open a board whose link was lost."""
-ORDERS_MAX = 32
-"""Orders that wait; the loop does one a turn."""
 
 
 class BoardLoop(BoardRun):
@@ -57,17 +55,9 @@ class BoardLoop(BoardRun):
         super().__init__(board, hold, folder, plant, watch=watch, command=command)
         self.state: dict[str, object] = {}
         self._paced, self._reopen = paced, reopen
-        self._orders: queue.SimpleQueue[tuple[Order, Reply]] = queue.SimpleQueue()
         self._questions = Questions()
 
     # ---- called by other threads ----
-
-    def order(self, order: Order, reply: Reply) -> None:
-        """Queue an order of a page; reply is called in another thread."""
-        if self._orders.qsize() >= ORDERS_MAX:
-            reply({"good": False, "text": "too many orders wait: try again"})
-            return
-        self._orders.put((order, reply))
 
     def stop(self) -> None:
         """Disarm at once. Keep-alives cease with this call, whatever the loop does."""

@@ -3,15 +3,17 @@ over."""
 
 from __future__ import annotations
 
+import queue
 import time
 from collections import deque
 from pathlib import Path
 from typing import Protocol
 
 from plumb.boards.link import LinkBoard
-from plumb.cockpit.arming import Arming
+from plumb.cockpit.arming import Arming, Reply
 from plumb.cockpit.green_light import Comparison
 from plumb.cockpit.hold import Hold
+from plumb.cockpit.page_orders import Order
 from plumb.cockpit.recording import Recording
 from plumb.cockpit.samples import Samples
 from plumb.cockpit.setpoint import StepTest, setpoint_of
@@ -37,6 +39,8 @@ FOREIGN_S = 0.12
 """A board that names another run than the cockpit's for this long has one: TIME comes every 50 ms, and the last one of
 the run before may come after the begin of the next."""
 NOTES_KEPT = 50
+ORDERS_MAX = 32
+"""Orders that wait; the loop does one a turn."""
 JOINED = "this run is not the cockpit's: a run that it begins is compared"
 
 
@@ -57,6 +61,7 @@ class BoardRun:
         self.notes: deque[tuple[float, str]] = deque(maxlen=NOTES_KEPT)
         self.samples: Samples | None = None
         self.recording = Recording(folder, command, self.note)
+        self._orders: queue.SimpleQueue[tuple[Order, Reply]] = queue.SimpleQueue()
         self._plant = plant
         self._arming = Arming(hold, self.note)
         self._own_run = False
@@ -73,6 +78,13 @@ class BoardRun:
     def reports(self) -> list[Path]:
         """The reports of recordings that are written."""
         return self.recording.reports
+
+    def order(self, order: Order, reply: Reply) -> None:
+        """Queue an order of a page; reply is called in another thread."""
+        if self._orders.qsize() >= ORDERS_MAX:
+            reply({"good": False, "text": "too many orders wait: try again"})
+            return
+        self._orders.put((order, reply))
 
     def note(self, text: str) -> None:
         """A line in the log of the page."""

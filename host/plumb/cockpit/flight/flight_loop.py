@@ -14,7 +14,6 @@ from pathlib import Path
 from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.boards.native_port import NativePort
-from plumb.cockpit.arming import Reply
 from plumb.cockpit.board_run import BoardRun
 from plumb.cockpit.flight.arming import in_the_way, why_disarmed
 from plumb.cockpit.flight.rivals import Rivals
@@ -39,7 +38,6 @@ WAIT_S = 120.0
 LOST, LOST_S = "lost", 3.0
 LOST_EVENT = Event("Receiver lost", f"the receiver hears nothing for {LOST_S:g} s", LOST_S)
 NEW, HAPPEN = "run", "happen"
-ORDERS_MAX = 32
 CHIP_HZ = 72e6
 PICTURE_S = 1.0
 """Sticks of a page whose newest picture is older than this are not heard: nobody sees what he steers."""
@@ -74,7 +72,6 @@ class FlightLoop(BoardRun):
         self.flights = 0
         self._passed_s = self._took_s = 0.0
         self._paced = paced
-        self._orders: queue.SimpleQueue[tuple[Order, Reply]] = queue.SimpleQueue()
         self._begun_s = self._stated_s = 0.0
         self._rests_s: float | None = None
         self._flew = self._over = self._closed = False
@@ -101,13 +98,6 @@ class FlightLoop(BoardRun):
         """What a page says of its sticks; only the one that holds the vehicle is heard, and only while it sees it."""
         if self.hold.alive(page):
             self.transmitter.hear(sticks)
-
-    def order(self, order: Order, reply: Reply) -> None:
-        """Queue an order of a page; reply is called in another thread."""
-        if self._orders.qsize() >= ORDERS_MAX:
-            reply({"good": False, "text": "too many orders wait: try again"})
-            return
-        self._orders.put((order, reply))
 
     def stop(self) -> None:
         """The rotors' switch goes off, and stays so until the page that holds the vehicle has it off, too."""
