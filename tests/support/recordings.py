@@ -16,7 +16,7 @@ from plumb.inputs.recorder import Recorder
 from plumb.link import parameter_table
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
-from plumb.spec import parameters
+from plumb.spec import dbc, parameters
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import protocol
 from plumb.systems import run_fixed
@@ -73,15 +73,23 @@ def _live(board: NativeBoard, session: Session, seconds: float) -> None:
         session.receive(0.007)
 
 
-def log_of_counts(path: Path, params: ControlParams, counts: RawCounts, lost: Collection[int] = ()) -> Path:
-    """A log of a run of three channels with these counts. lost: steps whose counts did not arrive."""
-    messages = protocol()
-    digests = run_fixed.run_control(params, counts, np.zeros(len(counts), np.int32)).digests().tolist()
+def log_of_counts(
+    path: Path, params: ControlParams, counts: RawCounts, lost: Collection[int] = (), setpoint: RawCounts | None = None
+) -> Path:
+    """A log of a run with these inputs. lost: steps whose counts did not arrive. setpoint: of each step; None: 0."""
+    messages, asked = protocol(), np.zeros(len(counts), np.int32) if setpoint is None else setpoint
+    frames_of_raw = dbc.raw_frames(counts.shape[1])
+    digests = run_fixed.run_control(params, counts, asked).digests().tolist()
+    before, reports = 0, 0
     with LogWriter(path, {"command": "a test"}, simulated=True) as log:
         log.parameters(parameters.whole_table(params.words(), **params.link_words()))
-        for step, (row, digest) in enumerate(zip(counts.tolist(), digests, strict=True)):
-            said = [("STEP", (step & 15, 0, step & 0xFFFF, digest))]
-            said += [] if step in lost else [("RAW_A", (step & 15, step >> 4 & 3, *row[:3]))]
+        for step, (row, wanted, digest) in enumerate(zip(counts.tolist(), asked.tolist(), digests, strict=True)):
+            said: list[tuple[str, tuple[int, ...]]] = [("STEP", (step & 15, 0, step & 0xFFFF, digest))]
+            if wanted != before:
+                said.append(("SETPOINT_USED", (reports & 15, 0, step & 0xFFFF, wanted)))
+                before, reports = wanted, reports + 1
+            for at, name in enumerate(frames_of_raw if step not in lost else ()):
+                said.append((name, (step & 15, step >> 4 & 3, *row[3 * at : 3 * at + 3])))
             frames = [(messages[name].identifier, messages[name].pack(*words)) for name, words in said]
             log.add(frames, step * params.period_s)
     return path

@@ -11,6 +11,8 @@ The suffix of a file names its format:
     .html                      the report: the signals over time, and what they were recorded with
     .dbc .json                 the DBC of the log; its identity and parameters
 
+    plumb export flight.plog flight.csv --format bbl-csv    .csv in the columns of blackbox_decode, for blackbox viewers
+
 LOG is a log of plumb record, also one that was cut: it is read up to its last whole block. It may be a .blf, .asc,
 .log, .trc or .mf4, too, with --params where its frames do not carry the parameters. --log-run chooses one of several
 runs (default: the one of which most is known). A file that exists is not overwritten without --force.
@@ -31,6 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "files", type=Path, nargs="+", metavar="FILE", help="file to write; its suffix names the format"
     )
+    parser.add_argument(
+        "--format", choices=["bbl-csv"], help=".csv files have the columns of blackbox_decode (default: plumb's own)"
+    )
     options.add_log_run(parser)
     options.add_force(parser)
     options.add_json(parser)
@@ -40,7 +45,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
     from plumb.inputs import log_export, log_replay
 
-    log_export.require(arguments.files, replace=arguments.force)
+    log_export.require(arguments.files, replace=arguments.force, blackbox=bool(arguments.format))
     log = log_replay.open_log(arguments.log)
     for sentence in log.warnings:
         print(f"plumb: warning: {sentence}", file=sys.stderr)
@@ -52,7 +57,7 @@ def main(arguments: argparse.Namespace) -> int:
         if arguments.log_run is not None or any(log_export.needs_run(path) for path in arguments.files):
             raise
     for path in arguments.files:
-        log_export.export(log, chosen, path)
+        log_export.export(log, chosen, path, blackbox=bool(arguments.format))
     summary = {
         "log": str(arguments.log),
         "frames": log.count,

@@ -25,7 +25,7 @@ from plumb.errors import UsageError
 from plumb.extras import install_hint
 from plumb.files import whole_files
 from plumb.files.block_file import exists_sentence
-from plumb.inputs import record_report
+from plumb.inputs import blackbox_csv, record_report
 from plumb.inputs.log_file import ERROR, EXTENDED, REMOTE, Log
 from plumb.inputs.log_replay import RecordedRun
 from plumb.inputs.step_table import Column, table_of
@@ -57,11 +57,13 @@ BAR_ROWS = 1 << 18
 """With more rows, writing a table shows a progress bar."""
 
 
-def require(paths: Sequence[Path], *, replace: bool) -> None:
+def require(paths: Sequence[Path], *, replace: bool, blackbox: bool = False) -> None:
     """Raises UsageError for a format that is not known or whose library is missing, and for a file that exists, unless
-    `replace`; before anything is recorded or written."""
+    `replace`; before anything is recorded or written. blackbox: a .csv has the columns of blackbox_decode."""
     for path in paths:
         suffix = path.suffix.lower()
+        if blackbox and suffix != ".csv":
+            raise UsageError(f"{path}: --format bbl-csv writes .csv files only")
         if suffix not in FORMATS:
             raise UsageError(f"{path}: the suffix names the format: {', '.join(FORMATS)}")
         if suffix == ".parquet":
@@ -86,8 +88,9 @@ def needs_run(path: Path) -> bool:
     return path.suffix.lower() in STEPS
 
 
-def export(log: Log, recorded: RecordedRun | None, path: Path) -> None:
+def export(log: Log, recorded: RecordedRun | None, path: Path, *, blackbox: bool = False) -> None:
     """Write one file, whole or not at all. recorded: the run whose steps are written; None: of a log without one.
+    blackbox: a .csv has the columns of blackbox_decode.
 
     Raises UsageError for a format that needs a run, and for a file that cannot be written.
     """
@@ -110,8 +113,11 @@ def export(log: Log, recorded: RecordedRun | None, path: Path) -> None:
     else:
         assert recorded is not None
         with _whole(path) as part:
-            write = _write_csv if suffix == ".csv" else _write_parquet
-            write(recorded, part, about(log))
+            if blackbox:
+                blackbox_csv.write(recorded, part)
+            else:
+                write = _write_csv if suffix == ".csv" else _write_parquet
+                write(recorded, part, about(log))
 
 
 def about(log: Log) -> dict[str, object]:

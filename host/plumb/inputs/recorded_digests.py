@@ -75,7 +75,7 @@ def replay_long(run: LoggedRun, steps: int, params: ControlParams, changes: Chan
         for part in run.parts(steps):
             counts, setpoints = run_fixed.check_inputs(params.system, part.raw, part.setpoint)
             data = []
-            for piece in _pieces(part, left):
+            for piece in pieces_between(part, left):
                 if isinstance(piece, ControlParams):
                     model.retune(piece)
                 else:
@@ -91,7 +91,7 @@ def replay_long(run: LoggedRun, steps: int, params: ControlParams, changes: Chan
     return found
 
 
-def _pieces(part: Steps, left: list[Change]) -> Iterator[slice | ControlParams]:
+def pieces_between(part: Steps, left: list[Change]) -> Iterator[slice | ControlParams]:
     """The steps of a part between the changes, and these; what was given is taken from `left`."""
     begin = 0
     while left and left[0][0] < part.first + len(part):
@@ -132,7 +132,7 @@ def _in_parts(found: LongReplay, run: LoggedRun, steps: int, changes: Changes, r
         for part in run.parts(steps):
             digests = []
             end = len(part) if found.board_until is None else max(0, min(len(part), found.board_until - part.first))
-            for piece in _pieces(part.cut(end), left) if end else ():
+            for piece in pieces_between(part.cut(end), left) if end else ():
                 if isinstance(piece, ControlParams):
                     runner.change(piece)
                 else:
