@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from support.flight_bench import PILOT, FlightBench
 
 STEERED = systems.with_part("steered")
 pytestmark = pytest.mark.skipif(not STEERED, reason="no declared system has steered.py")
+
+LAYOUTS = Path(__file__).resolve().parents[2] / "examples" / "plotjuggler"
 
 
 @pytest.fixture
@@ -45,6 +48,21 @@ def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: 
     (log,), (report,) = tmp_path.glob("*.plog"), bench.loop.reports
     assert report.parent == tmp_path and report.stat().st_size > 0
     assert main(["replay", str(log), "--board", "native"]) == 0
+    assert main(["export", str(log), str(tmp_path / "flight.csv")]) == 0
+    assert_every_curve_is_there(tmp_path / "flight.csv")
+
+
+def assert_every_curve_is_there(table: Path) -> None:
+    """PlotJuggler's layout draws columns of the CSV, and what it calculates from such."""
+    (layout,) = LAYOUTS.glob(f"{STEERED[0]}.xml")
+    root = ElementTree.parse(layout).getroot()
+    columns = set(table.read_text(encoding="utf-8").partition("\n")[0].split(","))
+    sources = {one.text for name in ("linked_source", "additional_sources/*") for one in root.iterfind(f".//{name}")}
+    calculated = {one.get("name") for one in root.iterfind(".//snippet")}
+    drawn = {one.get("name") for one in root.iterfind(".//curve")}
+    axes = {one.get("time_axis") for one in root.iterfind(".//plugin/default")}
+    assert calculated and calculated <= drawn and len(drawn) > 10
+    assert (drawn - calculated) | sources | axes <= columns
 
 
 def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: FlightBench) -> None:
