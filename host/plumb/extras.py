@@ -13,8 +13,8 @@ from plumb.errors import UsageError
 
 
 def install_hint(extra: str) -> str:
-    """The command that installs an extra (virtual, bench, flash, monitor, compare, tune, cockpit, campaign), as the end
-    of a sentence."""
+    """The command that installs an extra (virtual, bench, flash, monitor, compare, tune, cockpit, campaign, mavlink),
+    as the end of a sentence."""
     if IN_CHECKOUT:
         return f"in the checkout of plumb: pip install -e '.[{extra}]'"
     return f"with: pip install 'plumb-imu[{extra}]'"

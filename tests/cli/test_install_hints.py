@@ -53,7 +53,7 @@ def test_no_text_tells_to_install_the_name_of_a_stranger() -> None:
     assert found == []
 
 
-@pytest.mark.parametrize("extra", ["virtual", "bench", "report", "flash", "monitor", "compare"])
+@pytest.mark.parametrize("extra", ["virtual", "bench", "report", "flash", "monitor", "compare", "mavlink"])
 def test_a_hint_names_an_extra_that_exists(extra: str) -> None:
     assert extra in PROJECT["optional-dependencies"]
     assert f"'.[{extra}]'" in install_hint(extra)

@@ -6,6 +6,8 @@
     plumb bridge can:socketcan:can0 serial:/dev/ttyUSB0 --direct  the sensor board is on the STM32's own CAN bus
     plumb bridge serial:/dev/pts/3 tcp:127.0.0.1:4000 --carry     forward frames only, both ways
     plumb bridge tcp:127.0.0.1:4100 serial:/dev/ttyUSB0 --serve socketcand:4003     and show all frames to other tools
+    plumb bridge serial:/dev/ttyUSB0 --mavlink udp:127.0.0.1:14550     show one board to a ground station; --run live
+                                                                       begins a run there, unarmed
 
 The first BUS is that of the sensor board, the second that of the STM32. The bridge uploads the system's parameters,
 begins a run on injected samples with the first sample, ends it (which disarms) when samples stop, and begins a new one
@@ -18,6 +20,10 @@ the run names CAN as their source, and the STM32 accepts them from CAN only.
 --serve shows the frames of both sides to loggers and analysers: on slcan:pty or slcan:tcp:PORT to one, on
 socketcand:PORT to several, or on any bus of python-can, INTERFACE:CHANNEL. They only listen: what they send is
 discarded.
+
+--mavlink sends what one board says as MAVLink 2 (extra `mavlink`): HEARTBEAT and SYS_STATUS once a second, ATTITUDE and
+RC_CHANNELS ten times. The link is read-only, as that of `plumb monitor`, and what a ground station sends is never read.
+The heading is that of the system's own estimate; a system without one sends 0. --tlog FILE keeps what was sent.
 
 The summary has a histogram of the latency of each direction, from the arrival of a frame here to the end of its write
 on the other side, by the clock of this computer; in --json the buckets, too.
@@ -37,6 +43,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NotRequired, TypedDict
 
 from plumb.cli import options
@@ -94,7 +101,7 @@ class Summary(TypedDict, total=False):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sensor", metavar="BUS", help=f"bus of the sensor board: {options.BUS}")
-    parser.add_argument("board", metavar="BUS", help="bus of the STM32: the same")
+    parser.add_argument("board", metavar="BUS", nargs="?", help="bus of the STM32: the same")
     options.add_system(parser, "system whose parameters are uploaded (default: the board's)")
     options.add_tuning(parser)
     parser.add_argument("--keep-parameters", action="store_true", help="run with the board's parameters")
@@ -105,15 +112,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--serve", metavar="BUS", help="show the frames of both sides on this bus")
     parser.add_argument("--carry", action="store_true", help="forward frames only: another host owns the run")
+    parser.add_argument("--mavlink", metavar="udp:HOST:PORT", help="send what one board says to a ground station")
+    parser.add_argument("--run", choices=("live",), help="with --mavlink: begin a run on its own sensors, unarmed")
+    parser.add_argument("--tlog", type=Path, metavar="FILE", help="with --mavlink: also write what is sent to a file")
     options.add_duration(parser)
     options.add_json(parser, " at the end")
 
 
 def main(arguments: argparse.Namespace) -> int:
+    if arguments.mavlink is not None:
+        from plumb.cli import bridge_mavlink
+
+        return bridge_mavlink.main(arguments)
     from plumb.errors import ExitCode, UsageError, exit_code_of
     from plumb.link.endpoint_names import CanName, parse_bus, parse_can_end
     from plumb.process_signals import endings
 
+    for option in ("run", "tlog"):
+        if getattr(arguments, option) is not None:
+            raise UsageError(f"--{option} is for --mavlink")
+    if arguments.board is None:
+        raise UsageError("name two buses: that of the sensor board, and that of the STM32")
     on_can = [isinstance(parse_bus(spec), CanName) for spec in (arguments.sensor, arguments.board)]
     options.check_duration(arguments.seconds)
     if arguments.carry and (arguments.shadow or arguments.arm):

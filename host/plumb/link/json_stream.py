@@ -8,12 +8,10 @@ A datagram is one JSON object. `timestamp` is the time of the step in seconds of
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import json
-import socket
 
-from plumb.errors import LinkError, UsageError
+from plumb.errors import UsageError
+from plumb.link.datagrams import Datagrams
 from plumb.link.endpoint_names import quoted
 from plumb.spec import declarations
 from plumb.spec.protocol import Frame, protocol
@@ -22,7 +20,6 @@ from plumb.spec.signals import signals
 LOOPBACK = "127.0.0.1"
 BOARD = ("STATUS", "COUNTERS", "EVENTS", "CAN_HEALTH")
 """Messages whose words are sent as signals of `board`."""
-_NO_LISTENER = (errno.ECONNREFUSED, errno.EAGAIN, errno.ENOBUFS)
 
 
 def parse_target(text: str) -> tuple[str, int]:
@@ -83,14 +80,7 @@ class JsonStream:
 
     def __init__(self, host: str, port: int) -> None:
         """Raises LinkError for a host that is not known."""
-        self.sent = 0
-        try:
-            family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-            self._socket = socket.socket(family, kind)
-        except (OSError, UnicodeError) as error:
-            raise LinkError(f"UDP to {quoted(host)} is not possible ({error}): check the address") from None
-        self._address = address
-        self._socket.setblocking(False)
+        self._datagrams = Datagrams(host, port)
         self._clock = StepClock()
         self._step: int | None = None
         self._values: dict[str, dict[str, float]] = {}
@@ -130,14 +120,11 @@ class JsonStream:
                 self._send({"timestamp": round(time_s, 6), system: {"step": self._step, **signals_of}})
 
     def _send(self, message: dict[str, object]) -> None:
-        """A datagram that nobody takes is lost, as UDP is; raises LinkError for a network that is not there."""
-        try:
-            self._socket.sendto(json.dumps(message).encode(), self._address)
-            self.sent += 1
-        except OSError as error:
-            if error.errno not in _NO_LISTENER:
-                raise LinkError(f"UDP to {self._address[0]} failed ({error.strerror}): check the network") from None
+        self._datagrams.send(json.dumps(message).encode())
+
+    @property
+    def sent(self) -> int:
+        return self._datagrams.sent
 
     def close(self) -> None:
-        with contextlib.suppress(OSError):
-            self._socket.close()
+        self._datagrams.close()

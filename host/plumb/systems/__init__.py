@@ -16,6 +16,7 @@ optional:
     poses.py      how it is held to calibrate its sensors (contracts.Poses)
     steered.py    its vehicle as a person steers it in the browser (plumb.systems.steered.Steered)
     blackbox.py   its steps in the columns of blackbox viewers (plumb.systems.blackbox.Blackbox)
+    mavlink.py    what a ground station shows of it (plumb.systems.mavlink.MavlinkVehicle)
     wiring.py     the wiring of the board, for the drawings (plumb.systems.wiring.WiringDrawings)
     plant.c       the plant once more in C, for campaigns, with its inputs in compiled_plant.py
                   (plumb.systems.compiled_plants.CompiledPlant); without it a campaign closes the loop in Python
