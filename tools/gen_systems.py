@@ -157,6 +157,7 @@ def used_parts_h(built: Iterable[System]) -> str:
         " * constants are decided when it is compiled. */",
         *(f"#define USED_{part} {int(bool(asked & set(by)))} /* {what} */" for part, (what, by) in USED.items()),
         f"#define USED_RECEIVER {int(any('receiver' in system.parts for system in built))} /* the radio receiver */",
+        f"#define USED_BATTERY {int(any('battery' in system.parts for system in built))} /* the battery's inputs */",
         "#define USED_ACTUATORS (USED_PULSES || USED_ROTORS || USED_BRIDGE)",
         "",
     ]

@@ -3,6 +3,7 @@
 #include "loop.h"
 #include "board.h"
 #include "board_actuators.h"
+#include "board_battery.h"
 #include "board_guard.h"
 #include "board_links.h"
 #include "board_receiver.h"
@@ -128,6 +129,9 @@ __attribute__((noinline)) static void report(uint32_t now_us) {
     said.switch_closed = board_arm_switch();
     said.can = board_can_health();
     board_sensor_health(&said.sensors);
+#if USED_BATTERY
+    said.battery_read = board_battery_read(said.battery_counts);
+#endif
     session_report(&session, &said, now_us);
 }
 

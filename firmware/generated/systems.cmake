@@ -8,5 +8,5 @@ list(APPEND SYSTEM_SOURCES_FOR_SIZE ${PROJECT_SOURCE_DIR}/firmware/systems/turnt
 list(APPEND SYSTEM_SOURCES ${PROJECT_SOURCE_DIR}/firmware/systems/phone.c)
 list(APPEND SYSTEM_SOURCES ${PROJECT_SOURCE_DIR}/firmware/systems/attitude.c)
 list(APPEND SYSTEM_SOURCES ${PROJECT_SOURCE_DIR}/firmware/systems/quadrotor.c)
-set(IMAGE_FLASH_BYTES 60416)
+set(IMAGE_FLASH_BYTES 61440)
 set(IMAGE_RAM_BYTES 12288)

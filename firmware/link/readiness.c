@@ -51,7 +51,7 @@ void readiness_step(readiness_t *r, const control_system_t *checked, const param
 }
 static uint16_t missing(const readiness_t *r, const control_system_t *checked) {
     if (flies(checked)) {
-        return (uint16_t)(r->now.takeoff.missing | r->pilot);
+        return (uint16_t)(r->now.takeoff.missing | r->outside);
     }
     return bounds_of(checked) != NULL ? r->now.plausibility.missing : 0U;
 }

@@ -15,6 +15,10 @@
 #define READINESS_SWITCH_ON 0x0040U /* the rotors are switched on: they have to be switched off first */
 #define READINESS_LOCKED    0x0080U /* the arm switch of the board is closed, which is its lock */
 
+/* What is missing of a battery that is declared: bits beside these. Reported in the air, too. */
+#define READINESS_BATTERY_LOW     0x0100U /* its voltage is below battery_min_mv */
+#define READINESS_BATTERY_UNKNOWN 0x0200U /* its voltage is not known, or none that a battery has */
+
 /* Why the step of what flies has stopped its rotors begins at this bit of failed and disarmed_by. */
 #define READINESS_STOPPED_SHIFT 8U
 
@@ -25,7 +29,7 @@ typedef struct {
     } now;
     uint16_t disarmed_by; /* PLUMB_PLAUSIBILITY_ACCEL and so on: the checks that failed last while armed */
     uint16_t stopped; /* why the step of a system that flies has stopped the rotors, shifted; 0: it has not */
-    uint16_t pilot;   /* READINESS_, set by the session on every turn */
+    uint16_t outside; /* READINESS_, set by the session on every turn */
 } readiness_t;
 
 /* Call at the start of a run of that system. */

@@ -163,7 +163,7 @@ static void follow_pilot(session_t *s, bool locked, uint32_t now_us) {
     } else if (!heard && !arming_armed(&s->arming)) {
         arming_switch_unread(&s->arming);
     }
-    s->readiness.pilot = pilot_missing(s, heard, locked);
+    s->readiness.outside |= pilot_missing(s, heard, locked);
     if (s->arming.switch_trying) {
         arming_try_switch(&s->arming, arming_blocked(s, s->run.links.owner), ARMING_SWITCH_TRY_US, hold_us(s),
                           now_us);
@@ -212,11 +212,17 @@ void session_report(session_t *s, const session_report_t *report, uint32_t now_u
     s->status.can = report->can;
     s->status.sensors = report->sensors;
 #if USED_RECEIVER
+    s->readiness.outside = 0;
+#endif
+#if USED_BATTERY
+    battery_follow(&s->battery, report->battery_read, report->battery_counts);
+    s->readiness.outside = battery_missing(&s->battery, s->params);
+#endif
+#if USED_RECEIVER
     if (has_receiver(s)) {
         follow_pilot(s, report->switch_closed, now_us);
         return;
     }
-    s->readiness.pilot = 0;
 #endif
     follow_switch(s, report->switch_closed, now_us);
 }
@@ -360,6 +366,13 @@ static void send_status(session_t *s, link_t link, bool all, uint32_t now_us) {
     flags |= s->staging.pending ? MESSAGE_STATUS_STAGED : 0U;
     flags |= l->read_only ? MESSAGE_STATUS_READ_ONLY : 0U;
     status_send(&s->status, &round, &status, (uint8_t)flags, &events, &plausibility);
+#if USED_BATTERY
+    if (all && s->params->battery_min_mv != 0U) {
+        const message_battery_t battery = battery_message(&s->battery, s->params);
+
+        outbox_telemetry(l->outbox, message_battery_pack(&battery), 0);
+    }
+#endif
 }
 
 /* In lockstep nothing can be armed, and the host compares every step: a change waits for the period. */

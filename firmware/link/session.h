@@ -9,6 +9,7 @@
  *     telemetry   frames that a step sends
  *     staging     parameters that are received but not yet in use
  *     receiver    sticks and switches of a pilot, by radio
+ *     battery     voltage and current
  *     arming      whether the actuator may be driven; readiness: whether the sensors allow it
  *     status      state of the board, sent periodically
  *
@@ -29,6 +30,7 @@
 #define PLUMB_LINK_SESSION_H
 
 #include "arming.h"
+#include "battery.h"
 #include "commands.h"
 #include "generated/used_parts.h"
 #include "long_replies.h"
@@ -77,6 +79,9 @@ typedef struct {
     receiver_t receiver;
     uint32_t busy_us; /* when a run was last on, or a host last asked for a board without one */
 #endif
+#if USED_BATTERY
+    battery_t battery;
+#endif
     bool step_overdue; /* no step of the run in real time comes (run.h) */
     random_t random;
     nonce_t nonce[LINKS]; /* valid only on the link that asked for it */
@@ -91,6 +96,10 @@ typedef struct {
     bool switch_closed; /* the arm switch: closing it arms, opening it disarms (arming.h) */
     const board_can_health_t *can; /* sent with the status; the caller keeps it */
     board_health_t sensors;        /* the details of BOARD_FAULT_SENSOR, sent as SENSORS */
+#if USED_BATTERY
+    bool battery_read; /* there are new counts: */
+    uint16_t battery_counts[BATTERY_INPUTS];
+#endif
 } session_report_t;
 
 /* Orders of the session to the board in a turn of the loop. */

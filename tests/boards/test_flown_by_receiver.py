@@ -21,6 +21,7 @@ from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
 from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
+from plumb.physics.battery import BATTERY_PIN, Battery
 from plumb.spec import crsf
 from plumb.systems import load
 from plumb.tuning.quantise import quantise
@@ -34,6 +35,8 @@ NEUTRAL_US, HOLD_MS = 1000.0, 100
 SENSOR = 0x0040
 FRAME_S = 0.004
 START_US = 20_000
+LOWEST_MV = 10_500
+LOW, UNKNOWN = 1 << 8, 1 << 9
 
 
 class Flown:
@@ -61,7 +64,8 @@ class Flown:
         session = Session.open(self.machine.uart)
         params = quantise(SYSTEM.TUNINGS["two-chips" if two_chips else "hummingbird"])
         link = {**params.link_words(), **SYSTEM.LINK, "period_us": 2500, "arm_hold_ms": HOLD_MS}
-        session.upload(params.words(), **link, receiver=1, accel_bus=0 if two_chips else 2)
+        self.machine.adc[BATTERY_PIN] = Battery(11.4).input_v()
+        session.upload(params.words(), **link, receiver=1, battery_min_mv=LOWEST_MV, accel_bus=0 if two_chips else 2)
         session.execute("SAVE")
         session.close()
         self.machine.reset()
@@ -122,6 +126,29 @@ def test_the_switch_of_the_pilot_turns_the_rotors(flown: Flown) -> None:
     assert flown.armed and turn(flown.pulses_us)
     flown.passes(0.03, crsf.sticks(throttle=0.3))
     assert flown.pulses_us == [NEUTRAL_US] * 4
+
+
+@pytest.mark.parametrize(("volts", "missing"), [(10.2, LOW), (0.0, UNKNOWN), (25.0, UNKNOWN)])
+def test_a_battery_is_told_in_the_air_and_keeps_the_vehicle_on_the_ground(
+    flown: Flown, volts: float, missing: int
+) -> None:
+    said = flown.session.telemetry
+    assert said["BATTERY"]["voltage_mv"] == pytest.approx(11_400, abs=30), "a count is 5 mV"
+    assert not said["PLAUSIBILITY"]["missing"] & (LOW | UNKNOWN)
+    flown.machine.adc[BATTERY_PIN] = Battery(volts).input_v()
+    flown.passes(0.8, UP)
+    assert flown.armed and turn(flown.pulses_us)
+    assert said["PLAUSIBILITY"]["missing"] & (LOW | UNKNOWN) == missing
+    flown.passes(0.8, crsf.sticks())
+    flown.passes(0.3, crsf.sticks(on=True))
+    assert not flown.armed
+
+
+def test_a_converter_that_falls_silent_is_a_battery_that_is_not_known(flown: Flown) -> None:
+    flown.machine.adc2.silent = True
+    flown.passes(0.4, UP)
+    assert flown.armed and flown.session.telemetry["PLAUSIBILITY"]["missing"] & UNKNOWN
+    flown.machine.adc2.silent = False
 
 
 def test_a_sensor_that_is_gone_for_20_ms_is_bridged(flown: Flown) -> None:

@@ -1,4 +1,4 @@
-"""ADC1 (RM0008 11): scans of regular channels, by software or by TIM3's trigger, into DMA1 channel 1.
+"""ADC1 and ADC2 (RM0008 11): scans of regular channels, by software or by TIM3's trigger, ADC1's into DMA1 channel 1.
 
 volts: what is put on a channel; a callable is asked when its conversion ends.
 """
@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from second_chip.block import Block, Layout
+
+if TYPE_CHECKING:
+    from second_chip.chip import Chip
 
 VDDA = 3.3
 SAMPLE_CYCLES_X2 = (3, 15, 27, 57, 83, 111, 143, 479)
@@ -32,11 +35,16 @@ class Adc(Block):
         0x34: ("SQR3", 0, 0x3FFFFFFF),
         0x4C: ("DR", 0, 0),
     }
-    CLOCK = ("APB2ENR", 9)
+
+    def __init__(self, chip: Chip, first: Adc | None = None) -> None:
+        self.first = first
+        """ADC1, whose pins this is on, too; None: it is ADC1."""
+        self.CLOCK = ("APB2ENR", 9 if first is None else 10)
+        super().__init__(chip)
 
     def reset(self) -> None:
         if not self.value:
-            self.volts: dict[int, float | Callable[[], float]] = {}
+            self.volts: dict[int, float | Callable[[], float]] = {} if self.first is None else self.first.volts
         super().reset()
         self._run = getattr(self, "_run", 0) + 1
         self._scanning = False
@@ -98,7 +106,7 @@ class Adc(Block):
         self.value["DR"] = self.count(self._channel(place))
         last = place == (self.bit("SQR1", 20, 4) if self.value["CR1"] & 1 << 8 else 0)
         self.value["SR"] |= EOC
-        if self.value["CR2"] & 1 << 8:
+        if self.value["CR2"] & 1 << 8 and self.first is None:
             self.chip.dma.request(1)
         if not last:
             self._convert(place + 1, run)
@@ -110,3 +118,9 @@ class Adc(Block):
     def read_DR(self) -> int:
         self.value["SR"] &= ~EOC
         return self.value["DR"]
+
+
+class Adc2(Adc):
+    """Without dual mode, DMA, and the internal channels, which are ADC1's."""
+
+    LAYOUT: ClassVar[Layout] = Adc.LAYOUT | {0x04: ("CR1", 0, 0xC0FFFF), 0x08: ("CR2", 0, 0x7EF80F)}

@@ -18,7 +18,7 @@ from typing import Any
 import unicorn
 from unicorn import arm_const as arm
 
-from second_chip.adc import Adc
+from second_chip.adc import Adc, Adc2
 from second_chip.block import Block
 from second_chip.bxcan import BxCan
 from second_chip.clocks import PIN_RESET, SOFTWARE_RESET, UNITS_HZ, Backup, Pwr, Rcc
@@ -85,6 +85,7 @@ class Chip:
         self.usart3 = Usart3(self)
         self.can = BxCan(self)
         self.adc = Adc(self)
+        self.adc2 = Adc2(self, self.adc)
         self.i2c = I2c(self)
         self.spi = Spi(self)
         self.tim1 = AdvancedTimer(self)
@@ -106,6 +107,7 @@ class Chip:
             0x40010C00: self.ports["B"],
             0x40011000: self.ports["C"],
             0x40012400: self.adc,
+            0x40012800: self.adc2,
             0x40012C00: self.tim1,
             0x40013000: self.spi,
             0x40013800: self.uart,

@@ -159,6 +159,21 @@ def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(image: bytes, connect_
     assert expected.tolist() == [capture.digest[step] for step in range(steps)]
 
 
+def test_the_volts_at_pb0_and_pb1_are_those_of_the_battery(image: bytes, connect_uart: Connect) -> None:
+    """Beside a run whose samples ADC1 converts, on the same pins among others."""
+    chip = Chip(image)
+    chip.ports["B"].outside |= {4: 0}
+    chip.adc.volts |= {8: 2.0, 9: 0.55}
+    chip.run(START_S)
+    session = connect_uart(chip)
+    capture, params = begin(session, "turntable", battery_min_mv=10_500, battery_full_mv=18_810, battery_full_a=90)
+    capture.collect(LIVE_STEPS)
+    listen(session, 0.5)
+    said = session.telemetry["BATTERY"]
+    assert abs(said["voltage_mv"] - 18_810 * 2.0 / VDDA) < 10 and abs(said["current_10ma"] - 9000 * 0.55 / VDDA) < 3
+    assert_digests_are_those_of(params, capture)
+
+
 @pytest.mark.parametrize(("accel_bus", "said"), [(0, "another chip answers"), (1, "does not answer")])
 def test_a_foreign_chip_on_i2c_and_an_empty_spi_bus_are_told(
     chip: Chip, connect_uart: Connect, accel_bus: int, said: str

@@ -16,6 +16,7 @@
 
 #include "app/board.h"
 #include "app/board_actuators.h"
+#include "app/board_battery.h"
 #include "app/board_sensors.h"
 #include <stddef.h>
 
@@ -32,16 +33,17 @@ typedef struct {
     board_identity_t identity;
 
     /* Wires that the board reads. */
-    int32_t raw[BOARD_RAW_MAX]; /* counts of its own sensors, as a sample delivers them */
-    uint32_t arm_switch;        /* 1: closed */
-    uint32_t strap;             /* BOARD_PINS_, read at power-on */
-    uint32_t bridge_break;      /* 1: the break input is active */
-    uint32_t hall_lost;         /* 1: all Hall sensors alike */
-    uint32_t uart_in_byte_ns;   /* time of a byte to the board: 10851 at 921600 baud; 0: no time */
-    uint32_t uart_out_byte_ns;  /* time of a byte from the board; NATIVE_NEVER: the transmitter hangs */
-    uint32_t receiver_byte_ns;  /* time of a byte of the receiver: 23810 at 420 kBd; 0: no time */
-    uint32_t can_kbit;          /* of the bus; 0: no other node is there to acknowledge frames */
-    uint32_t can_frame_ns;      /* time of a frame: 130000 at 1 Mbit/s; 0: no time */
+    int32_t raw[BOARD_RAW_MAX];       /* counts of its own sensors, as a sample delivers them */
+    uint32_t arm_switch;              /* 1: closed */
+    uint32_t strap;                   /* BOARD_PINS_, read at power-on */
+    uint32_t bridge_break;            /* 1: the break input is active */
+    uint32_t hall_lost;               /* 1: all Hall sensors alike */
+    uint32_t uart_in_byte_ns;         /* time of a byte to the board: 10851 at 921600 baud; 0: no time */
+    uint32_t uart_out_byte_ns;        /* time of a byte from the board; NATIVE_NEVER: the transmitter hangs */
+    uint32_t receiver_byte_ns;        /* time of a byte of the receiver: 23810 at 420 kBd; 0: no time */
+    uint32_t battery[BATTERY_INPUTS]; /* counts of voltage and current; the first NATIVE_NEVER: none come */
+    uint32_t can_kbit;                /* of the bus; 0: no other node is there to acknowledge frames */
+    uint32_t can_frame_ns;            /* time of a frame: 130000 at 1 Mbit/s; 0: no time */
 
     /* Fault injection; 0: no fault. */
     uint32_t faults;        /* BOARD_FAULT_ bits, reported in addition to the board's own */

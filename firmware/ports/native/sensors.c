@@ -1,4 +1,5 @@
-/* The control period and the board's own sensors, whose counts are native.raw at the instant of the tick. */
+/* The control period and the board's own sensors, whose counts are native.raw at the instant of the tick; and
+ * the battery's inputs. */
 #include "port.h"
 #include <string.h>
 
@@ -139,6 +140,13 @@ bool board_take_tick(void) {
     }
     sensors.taken = sensors.done;
     return true;
+}
+
+bool board_battery_read(uint16_t counts[BATTERY_INPUTS]) {
+    for (uint32_t i = 0u; i < BATTERY_INPUTS; i++) {
+        counts[i] = (uint16_t)native.battery[i];
+    }
+    return port.identity.pins == BOARD_PINS_QUADROTOR && native.battery[0] != NATIVE_NEVER;
 }
 
 void board_read_sensors(int16_t raw[BOARD_RAW_MAX]) {

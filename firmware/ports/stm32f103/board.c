@@ -3,6 +3,7 @@
 #include "adc.h"
 #include "app/board_guard.h"
 #include "app/board_sensors.h"
+#include "battery_adc.h"
 #include "bridge.h"
 #include "build_id.h"
 #include "bxcan.h"
@@ -86,6 +87,9 @@ void board_init(const board_setup_t *setup) {
     can_init();
     if (USED_RECEIVER && identity.pins == BOARD_PINS_QUADROTOR) {
         receiver_uart_init();
+    }
+    if (USED_BATTERY && identity.pins == BOARD_PINS_QUADROTOR) {
+        battery_adc_init();
     }
     if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
         bridge_start();

@@ -78,7 +78,7 @@ void pins_init(uint32_t pins, bool actuators) {
     } else {
         /* SWD; CAN TX, RX; USART1 RX, TX. */
         GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, rx, tx, FREE);
-        /* TIM4 channels 2 and 1, the speed controllers; strap; ADC1 inputs 9, 8. */
+        /* TIM4 channels 2 and 1, the speed controllers; strap; ADC inputs 9, 8: sensors, or the battery. */
         GPIOB_CRL = MODES(pair, pair, INPUT, INPUT, FREE, FREE, ANALOG, ANALOG);
         /* USART3 RX, the receiver; I2C1 SDA, SCL. */
         GPIOB_CRH = MODES(FREE, FREE, FREE, FREE, sticks, FREE, DRAIN, DRAIN);

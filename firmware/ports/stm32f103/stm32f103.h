@@ -42,6 +42,7 @@
 #define RCC_APB2ENR_IOPBEN   (1u << 3)
 #define RCC_APB2ENR_IOPCEN   (1u << 4)
 #define RCC_APB2ENR_ADC1EN   (1u << 9)
+#define RCC_APB2ENR_ADC2EN   (1u << 10)
 #define RCC_APB2ENR_TIM1EN   (1u << 11)
 #define RCC_APB2ENR_SPI1EN   (1u << 12)
 #define RCC_APB2ENR_USART1EN (1u << 14)
@@ -242,6 +243,20 @@
 #define ADC1_SQR3_SQ5_IN8      (8u << 20)
 #define ADC1_SQR3_SQ6_IN9      (9u << 25)
 #define ADC1_DR                REG32(ADC1_BASE, 0x4cu)
+
+/* ADC2, RM0008 section 11.12 */
+#define ADC2_BASE              0x40012800u
+#define ADC2_SR                REG32(ADC2_BASE, 0x00u)
+#define ADC2_SR_EOC            (1u << 1)
+#define ADC2_CR2               REG32(ADC2_BASE, 0x08u)
+#define ADC2_CR2_ADON          (1u << 0)
+#define ADC2_CR2_CAL           (1u << 2)
+#define ADC2_SMPR2             REG32(ADC2_BASE, 0x10u)
+#define ADC2_SMPR2_SMP8_71CYC5 (6u << 24)
+#define ADC2_SMPR2_SMP9_71CYC5 (6u << 27)
+#define ADC2_SQR3              REG32(ADC2_BASE, 0x34u)
+#define ADC2_SQR3_SQ1_IN8      (8u << 0)
+#define ADC2_DR                REG32(ADC2_BASE, 0x4cu)
 
 /* TIM1, RM0008 section 14.4 */
 #define TIM1_BASE             0x40012c00u

@@ -61,7 +61,8 @@ class Wires(ctypes.Structure):
         ("raw", ctypes.c_int32 * 6),
         *((name, ctypes.c_uint32) for name in (
             "arm_switch", "strap", "bridge_break", "hall_lost", "uart_in_byte_ns", "uart_out_byte_ns",
-            "receiver_byte_ns", "can_kbit", "can_frame_ns", "faults", "railed", "stuck", "gyro", "accel", "adc_dead",
+            "receiver_byte_ns", "battery_voltage", "battery_current",
+            "can_kbit", "can_frame_ns", "faults", "railed", "stuck", "gyro", "accel", "adc_dead",
             "uart_damaged", "can_dead",
             "no_crystal", "image_damaged", "hangs", "turn_us", "flash_refuses", "flash_cut", "flash_cut_way",
             "state", "resets",

@@ -212,12 +212,21 @@ class Screen:
             _row("raw", " ".join(map(str, s["raw"])) if s["raw"] else "-"),
             _row("armed", "yes" if s["armed"] else neutral, "red" if s["armed"] else "yellow" if blocked else "green"),
             _row("faults", faults or "none", "bold red" if faults else "green"),
+            *_battery(s),
             _row("last disarmed by", cause or "nothing", "yellow" if cause else ""),
             _row("events", events, "yellow" if s["saturated_steps"] or s["starved_steps"] else ""),
             _row("can", f"{bus}, {errors}, times off {count(s['can_bus_offs'])}", "red" if s["can_off_bus"] else ""),
             _row("lost here", here, "yellow" if lost else ""),
             _row("lost by the board", there, "yellow" if s["board_lost"] or s["board_dropped"] else ""),
         ]
+
+
+def _battery(s: Snapshot) -> list[RenderableType]:
+    """Of a board that has declared a battery."""
+    if s["battery_v"] is None:
+        return []
+    trouble = "".join(f"; {text}" for text in s["battery_trouble"])
+    return [_row("battery", f"{s['battery_v']:.2f} V, {s['battery_a']:.2f} A{trouble}", "bold red" if trouble else "")]
 
 
 def _row(name: str, text: str, style: str = "") -> Table:

@@ -11,6 +11,8 @@
 
     plumb virtual-board --strap quadrotor --receiver pty       its radio receiver: write CRSF to that terminal
 
+    plumb virtual-board --strap quadrotor --battery 9.5        its battery has 9.5 V behind the divider at PB0
+
     plumb virtual-board --strap bridge             the strap (PB4, PB5) wired for these pins; default: as --system wants
     plumb virtual-board --port native              the same main loop on a board in memory: no image, no Unicorn
     plumb virtual-board --vcd board.vcd            record its pins and buses: gtkwave board.vcd
@@ -61,6 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--receiver", metavar="pty|tcp:PORT", help="where the line of its radio receiver is served (default: nowhere)"
+    )
+    parser.add_argument(
+        "--battery", type=float, metavar="V", help="volts of the battery, at PB0 (default: that of the plant, else 0)"
     )
     parser.add_argument("--symlink", type=Path, help="make this symbolic link to the terminal")
     options.add_system(parser, "start as this system, with its plant on the pins")
@@ -176,6 +181,7 @@ def _f103(
     from plumb.boards.virtual_can import Joint
     from plumb.boards.virtual_machine import open_machine
     from plumb.f103.waveforms import VcdTrace
+    from plumb.physics.battery import BATTERY_PIN, Battery
 
     slots = read_slots(arguments.keep) if arguments.keep else b""
     couple = plant_on_pins.coupler(arguments.system, plant) if plant is not None else None
@@ -183,6 +189,8 @@ def _f103(
     part = arguments.part or "stm32f103c8"
 
     def attach(machine: Machine) -> None:
+        if arguments.battery is not None:
+            machine.adc[BATTERY_PIN] = Battery(arguments.battery).input_v()
         if couple is not None:
             couple(machine)
         if arguments.vcd is not None:
@@ -201,6 +209,7 @@ def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served,
     from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
     from plumb.boards.strap import BY_PIN_SET
     from plumb.errors import UsageError
+    from plumb.physics.battery import Battery
 
     if arguments.image or arguments.part or arguments.vcd:
         raise UsageError("--image, --part and --vcd are for --port f103: leave them out, or leave --port native out")
@@ -209,5 +218,9 @@ def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served,
     if strap not in BY_PIN_SET:
         raise UsageError(f"there is no strap setting '{strap}'; use one of {', '.join(BY_PIN_SET)}")
     board = open_native(BY_PIN_SET.index(strap), slots, arguments.system, plant)
+    if arguments.battery is not None or plant is not None:
+        board.mcu.wires.battery_voltage = (
+            Battery() if arguments.battery is None else Battery(arguments.battery)
+        ).counts()
     kept = NativeSlots(board.mcu, arguments.keep) if arguments.keep else None
     return board, functools.partial(NativeJoint, board.mcu), kept, board.mcu.receiver_send

@@ -298,6 +298,7 @@ def tilt_axis(system: str) -> str:
 HEALTH = (
     "time_s", "mode", "live", "step", "steps_per_s", "blocked", "faults", "disarm_cause", "saturated_steps",
     "starved_steps", "board_rejected", "board_lost", "board_dropped", "host_rejected", "host_lost", "host_lost_steps",
+    "battery_v", "battery_a", "battery_trouble",
     "can_off_bus", "can_transmit_errors", "can_receive_errors", "can_bus_offs", "attitude",
 )  # fmt: skip
 """What a page shows of a snapshot of plumb.link.monitor."""

@@ -177,7 +177,9 @@ class Machine:
         self.core_debug, self.dwt, self.dbgmcu = CoreDebug(self), Dwt(self), DbgMcu(self)
         self.flash, self.rcc, self.dma, self.afio = Flash(self), Rcc(self), Dma(self), Afio(self)
         self.ports = [Gpio(self, letter, 0x40010800 + 0x400 * i) for i, letter in enumerate("ABCDE")]
-        self.usart, self.usart3, self.adc1 = Usart1(self), Usart3(self), Adc(self)
+        self.usart, self.usart3 = Usart1(self), Usart3(self)
+        self.adc1, self.adc2 = Adc(self, "ADC1", 0x40012400), Adc(self, "ADC2", 0x40012800)
+        self.converters = (self.adc1, self.adc2)
         self.tim3, self.tim4 = Timer(self, "TIM3", 0x40000400, 29), Timer(self, "TIM4", 0x40000800, 30)
         self.tim1, self.tim2 = Tim1(self), Tim2(self)
         self.i2c_bus = I2cBus(self)
@@ -186,9 +188,11 @@ class Machine:
         self.pwr, self.bkp = Pwr(self), Bkp(self)
         self.crc = Crc(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
-        rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.usart3, self.adc1]
+        rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.usart3]
         self.can = Bxcan(self)
         rest += [
+            self.adc1,
+            self.adc2,
             self.tim1,
             self.tim2,
             self.tim3,

@@ -36,7 +36,9 @@ SHORTEST_WAIT_S, STANDSTILL_S = 1e-6, 1.0
 """While the bus's clock does not advance, the wait for a frame doubles from SHORTEST_WAIT_S; above STANDSTILL_S the bus
 counts as dead."""
 PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "PLAUSIBILITY", "CAN_HEALTH")
-"""Messages that the board sends periodically on an open link."""
+"""Messages that every board sends periodically on an open link."""
+KEPT = (*PERIODIC, "BATTERY")
+"""And those that some do."""
 PRESENCE_EVERY_S, SILENCE_S = 0.5, 1.5
 """The board closes a CAN link after two seconds without a frame from the host. A waiting session therefore sends a
 frame every PRESENCE_EVERY_S, and one that was busy for more than SILENCE_S sends HELLO again."""
@@ -47,7 +49,7 @@ class BoardFrames:
     """One board on one bus: frames both ways, telemetry, keep-alive, requests. Use as a context manager: leaving it
     closes the bus, which disarms.
 
-    telemetry: the last of each PERIODIC message, as raw integers by name. run_tag: tag (1 to 15) of the run that this
+    telemetry: the last of each KEPT message, as raw integers by name. run_tag: tag (1 to 15) of the run that this
     session began last; its setpoints carry it. listener: called with all received frames, including those that arrive
     while a request waits for its reply. listening: how long this session has listened, and heard nothing; every
     time-out is measured by it. consent: asked before keep-alive values are answered; while it returns False
@@ -73,7 +75,7 @@ class BoardFrames:
         self._received: dict[int, int] = {}
         numbered = (*RAW_FRAMES, "STEP")
         self._numbered = {self.protocol[name].identifier for name in numbered}
-        self._kept = {self.protocol[name].identifier: name for name in PERIODIC}
+        self._kept = {self.protocol[name].identifier: name for name in KEPT}
         self._of_board = {i for i, message in self.protocol.by_identifier.items() if message.sender == "BOARD"}
         self._pumped: list[Frame] = []
         self.holding = Holding(self.protocol)

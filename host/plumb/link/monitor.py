@@ -15,7 +15,7 @@ from typing import Any
 
 from plumb.errors import LinkError
 from plumb.link.board_frames import PERIODIC
-from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausibility_text, sensors_text
+from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, NOT_READY, bits_text, plausibility_text, sensors_text
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
 from plumb.link.selection import RAW_FRAMES, raw_frames_of, selectable
 from plumb.link.session import Session
@@ -28,6 +28,8 @@ EVERY_S = 0.1
 STATUS_EVERY_S = 0.1
 STALE_S = 0.5
 """Age at which a value is dropped; the longest period of a run is 0.1 s."""
+BATTERY_BITS = 1 << 8 | 1 << 9
+"""Of PLAUSIBILITY.missing: the conditions that are told of an armed board, too."""
 RATE_OVER_S = 1.0
 """Window over which steps_per_s is measured."""
 SILENCE_S = TRIES * REPLY_TIMEOUT_S
@@ -188,6 +190,7 @@ class Monitor:
     def snapshot(self) -> Snapshot:
         """The state of the board by name, with the unit in the name; None for what is not received at present."""
         status, counters, events, sensors, plausibility, can = (self._fresh(name) or {} for name in PERIODIC[1:])
+        battery = self._fresh("BATTERY") or {}
         step = self._fresh("STEP")
         raw: dict[str, int] = {}
         for name in RAW_FRAMES:
@@ -216,6 +219,9 @@ class Monitor:
             "disarm_cause": _texts(events.get("disarm_cause", 0), BLOCKED)
             + _texts(plausibility.get("disarmed_by", 0), IMPLAUSIBLE),
             "bus_failures": sensors.get("bus_failures"),
+            "battery_v": battery["voltage_mv"] / 1000 if "voltage_mv" in battery else None,
+            "battery_a": battery["current_10ma"] / 100 if "current_10ma" in battery else None,
+            "battery_trouble": _texts(plausibility.get("missing", 0) & BATTERY_BITS, NOT_READY),
             "can_off_bus": _flag(can, "bus_off"),
             "can_transmit_errors": can.get("transmit_errors"),
             "can_receive_errors": can.get("receive_errors"),

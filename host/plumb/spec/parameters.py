@@ -129,7 +129,7 @@ def check(rows: Sequence[Parameter]) -> None:
         raise UsageError("the names of two parameters have the same CRC-16, or it is that of erased flash; rename one")
 
 
-WIRING = ("pins", "dead_time_ns", "can_bitrate_kbit", "receiver")
+WIRING = ("pins", "dead_time_ns", "can_bitrate_kbit", "receiver", "battery_min_mv", "battery_full_mv", "battery_full_a")
 """Parameters that describe the wiring of a board. An upload leaves them as the board has them."""
 
 

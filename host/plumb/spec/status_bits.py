@@ -87,6 +87,8 @@ NOT_READY = {
     5: Bit("receiver_heard", "the pilot's receiver is lost, or was never heard"),
     6: Bit("rotors_off", "the pilot's switch is on: switch the rotors off first"),
     7: Bit("lock_open", "the arm switch on the board is closed: it locks out the pilot"),
+    8: Bit("battery_full", "the battery is low: charge it, or set battery_min_mv lower"),
+    9: Bit("battery_known", "the battery's voltage is not known: check its plug, and the divider at PB0"),
 }
 """PLAUSIBILITY.missing."""
 ANALOG_INPUTS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")

@@ -33,7 +33,7 @@ COMMAND_TYPES = {"int16": 16, "int32": 32}
 COMMAND_SOURCES = ("owner", "link", "receiver")
 """Where the commands of a run come from: its owner alone, or the link that RUN_BEGIN names; `receiver`: in real time
 the radio receiver on the board if the parameter `receiver` names its protocol, else the owner."""
-RECEIVER = "receiver"
+RECEIVER, BATTERY = "receiver", "battery"
 """The source of commands, and the part of a board that only images with such a system have."""
 STICKS = {"roll": -32767, "pitch": -32767, "yaw": -32767, "switches": 0, "receiver": 0}
 """First commands of a system that a receiver may fly, in this order -> their least value (firmware/link/receiver.h)."""
@@ -287,7 +287,7 @@ class System:
     @property
     def parts(self) -> tuple[str, ...]:
         """The parts of a board that have parameters of their own (`part` in parameters.toml), and that it uses."""
-        return (RECEIVER,) if self.command_source == RECEIVER else ()
+        return (RECEIVER,) * (self.command_source == RECEIVER) + (BATTERY,) * (self.output == "ROTORS")
 
     @property
     def record_bytes(self) -> int:

@@ -12,6 +12,9 @@ export function showHealth({ health, image, unique_id: chip, own_run: own }) {
     ["faults", list(health.faults), health.faults.length],
     ["last disarmed by", list(health.disarm_cause), false],
     ["mode", `${health.mode ?? "–"}${health.live ? ", own sensors" : ""}${own ? "" : ", another's run"}`, false],
+    ...(health.battery_v == null ? [] : [
+      ["battery", [`${health.battery_v.toFixed(2)} V, ${health.battery_a.toFixed(2)} A`, ...health.battery_trouble].join("; "),
+        health.battery_trouble.length]]),
     ["step", `${count(health.step)}, ${health.steps_per_s?.toFixed(1) ?? "–"} per s`, false],
     ["saturated steps", count(health.saturated_steps), false],
     ["starved steps", count(health.starved_steps), false],

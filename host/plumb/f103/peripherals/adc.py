@@ -1,4 +1,5 @@
-"""ADC1 (RM0008 chapter 11): regular group, single or scan, by software or TIM3 TRGO, one value at a time to DMA.
+"""ADC1 and ADC2 (RM0008 chapter 11): regular group, single or scan, by software or TIM3 TRGO; of ADC1 one value at a
+time to DMA. ADC2 has neither DMA nor the internal channels, and shares ADC1's interrupt.
 
 Conversion of a channel takes its sampling time plus 12.5 ADC cycles; the voltage of the pin is taken when sampling
 ends. The codes are ideal (transitions half a step off, 3.3 V full scale): noise and offsets belong to the voltage
@@ -60,10 +61,12 @@ class Adc(Peripheral):
     sqr3: int
     dr: int
 
-    def __init__(self, machine: Mcu) -> None:
-        super().__init__(machine, "ADC1", 0x40012400)
-        self.dma = machine.dma.channels[0]
-        self.dma.served = self.base + 0x4C
+    def __init__(self, machine: Mcu, name: str, base: int) -> None:
+        super().__init__(machine, name, base)
+        self.dma = machine.dma.channels[0] if name == "ADC1" else None
+        if self.dma is not None:
+            self.dma.served = self.base + 0x4C
+        self.events = (f"{name} scan", f"{name} cal")
         self.silent = False
         self.scans = 0
         self.reset()
@@ -73,7 +76,7 @@ class Adc(Peripheral):
         self.ready_at = 0
         self.calibrated = False
         self.busy = False
-        for name in ("adc", "adc cal"):
+        for name in self.events:
             self.machine.timeline.cancel(name)
 
     def sequence(self) -> list[int]:
@@ -95,7 +98,7 @@ class Adc(Peripheral):
         if not self.cr2 & ADON or self.busy:
             return
         if time < self.ready_at:
-            self.machine.warn("ADC1 is triggered less than 1 us after power-up; ignored")
+            self.machine.warn(f"{self.name} is triggered less than 1 us after power-up; ignored")
             return
         clock = self.machine.rcc.adc_ticks
         if clock * 14 < TICKS_PER_US:
@@ -109,14 +112,14 @@ class Adc(Peripheral):
             end = sampled + CONVERT_HALF_CYCLES * clock // 2
             self._times.append((channel, sampled))
         if not self.silent:
-            self.machine.timeline.at("adc", end, self._finish)
+            self.machine.timeline.at(self.events[0], end, self._finish)
 
     def _finish(self, time: int) -> None:
         self.busy = False
         self.scans += 1
         for channel, sampled in self._times:
             self.dr = self._convert(channel, sampled) << (4 if self.cr2 & ALIGN else 0)
-            if self.cr2 & DMA:
+            if self.cr2 & DMA and self.dma is not None:
                 taken = self.dma.put([self.dr])
                 self.sr = self.sr & ~EOC if taken else self.sr | EOC
             else:
@@ -130,21 +133,26 @@ class Adc(Peripheral):
         if channel < len(PINS):
             pin, (port, number) = PINS[channel], _PLACES[channel]
             if not machine.ports[port].is_analog(number):
-                machine.warn(f"ADC1 converts {pin}, which is not configured as an analog input")
+                machine.warn(f"{self.name} converts {pin}, which is not configured as an analog input")
             volts = machine.adc.sampled(pin, time / TICKS_PER_S)
             if machine.probe is not None:
                 machine.probe.volts(pin, time, volts)
-        elif channel in (16, 17) and self.cr2 & TSVREFE:
+        elif channel in (16, 17) and self.cr2 & TSVREFE and self.dma is not None:
             volts = TEMPERATURE_V if channel == 16 else REFERENCE_V
         else:
-            raise SimulationError(f"ADC1 sequence names channel {channel}, which is not connected")
+            raise SimulationError(f"{self.name} sequence names channel {channel}, which is not connected")
         if not volts == volts:
             raise SimulationError(f"ADC channel {channel} was driven with {volts} V")
         code = int(min(max(volts / FULL_SCALE_V, -1.0), 2.0) * 4096 + 4096.5) - 4096
         return min(max(code + (0 if self.calibrated else UNCALIBRATED_LSB), 0), 4095)
 
     def _update_line(self) -> None:
-        self.machine.nvic.set_line(IRQ, bool(self.sr & EOC and self.cr1 & EOCIE))
+        self.machine.nvic.set_line(IRQ, any(adc.asks for adc in self.machine.converters))
+
+    @property
+    def asks(self) -> bool:
+        """Whether it asks for the interrupt."""
+        return bool(self.sr & EOC and self.cr1 & EOCIE)
 
     # Registers
 
@@ -159,13 +167,13 @@ class Adc(Peripheral):
 
     def write_cr1(self, value: int) -> None:
         if value & 0x00CF_F8C0:
-            raise SimulationError(f"ADC1_CR1 = 0x{value:08X}: only EOCIE and SCAN are modelled")
+            raise SimulationError(f"{self.name}_CR1 = 0x{value:08X}: only EOCIE and SCAN are modelled")
         self.cr1 = value
         self._update_line()
 
     def write_cr2(self, value: int) -> None:
         if value & 0x1 << 15 | value & 1 << 21:
-            raise SimulationError(f"ADC1_CR2 = 0x{value:08X}: the injected group is not modelled")
+            raise SimulationError(f"{self.name}_CR2 = 0x{value:08X}: the injected group is not modelled")
         now = self.machine.now
         old = self.cr2
         self.cr2 = value & 0x009E_7903 | (old & (CAL | RSTCAL)) | value & (CAL | RSTCAL)
@@ -174,7 +182,7 @@ class Adc(Peripheral):
             self.calibrated = False
         elif not value & ADON:
             self.busy = False
-            self.machine.timeline.cancel("adc")
+            self.machine.timeline.cancel(self.events[0])
         if value & ~old & (CAL | RSTCAL):
             self._calibrate(now, bool(value & CAL), bool(old & ADON))
         elif value & ADON and old & ADON and not (value ^ old) & 0x009E_0902:
@@ -184,7 +192,7 @@ class Adc(Peripheral):
 
     def _calibrate(self, now: int, start: bool, powered: bool) -> None:
         if not powered or now < self.ready_at:
-            self.machine.warn("ADC1 calibration is asked for before the converter has powered up")
+            self.machine.warn(f"{self.name} calibration is asked for before the converter has powered up")
         if self.silent:
             return
         cycles = CALIBRATION_CYCLES if start else RESET_CALIBRATION_CYCLES
@@ -193,4 +201,4 @@ class Adc(Peripheral):
             self.cr2 &= ~(CAL | RSTCAL)
             self.calibrated = self.calibrated or (start and powered)
 
-        self.machine.timeline.at("adc cal", now + cycles * self.machine.rcc.adc_ticks, done)
+        self.machine.timeline.at(self.events[1], now + cycles * self.machine.rcc.adc_ticks, done)

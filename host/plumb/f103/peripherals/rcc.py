@@ -34,6 +34,7 @@ APB2_CLOCKS = {
     "GPIOD": 5,
     "GPIOE": 6,
     "ADC1": 9,
+    "ADC2": 10,
     "TIM1": 11,
     "SPI1": 12,
     "USART1": 14,

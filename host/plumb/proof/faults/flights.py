@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from plumb.physics.battery import BATTERY_PIN, Battery
 from plumb.proof.faults.clock import steps_stop
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.hangs import BY_WINDOW_WATCHDOG, loop_hangs
@@ -39,6 +40,10 @@ def locks(scene: Scene) -> None:
     scene.machine.drive("PC14", False)
 
 
+def battery_is_low(scene: Scene) -> None:
+    scene.machine.adc[BATTERY_PIN] = Battery(9.0).input_v()
+
+
 def says(what: tuple[float, bool] | None) -> Action:
     def inject(scene: Scene) -> None:
         assert scene.pilot is not None
@@ -67,6 +72,8 @@ FAULTS = (
           needs=FLOWN, link=RECEIVER, prepare=asks_for_a_nonce, holds=True),
     Fault("flown-locked", "flights", "the arm switch on the board closes, while a pilot flies", locks, "held",
           needs=FLOWN, link=RECEIVER, holds=True),
+    Fault("flown-battery-low", "flights", "the battery has 9 V, below the declared lowest, while a pilot flies",
+          battery_is_low, "held", (Told("PLAUSIBILITY", "missing", 1 << 8),), needs=FLOWN, link=RECEIVER, holds=True),
     Fault("flown-disarmed-with-nonce", "flights", "EXECUTE DISARM with its nonce, while a pilot flies",
           disarms_with_a_nonce, "command", (BY_COMMAND,), needs=FLOWN, link=RECEIVER),
     Fault("flown-switched-off", "flights", "the pilot switches the rotors off", says((0.3, False)), "pilot",

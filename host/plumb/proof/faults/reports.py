@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, RESET_CAUSES, bits_text, sensors_text
+from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, RESET_CAUSES, bits_text, plausibility_text, sensors_text
 from plumb.spec.protocol import protocol
 
 if TYPE_CHECKING:
@@ -66,6 +66,8 @@ def report_text(frame: str, signal: str, value: int, choice: str = "") -> str:
         meaning = choice
     elif frame == "SENSORS" and signal != "bus_failures":
         meaning = "; ".join(sensors_text({signal: value}))
+    elif signal == "missing":
+        meaning = "; ".join(plausibility_text({signal: value}))
     elif signal in MEANINGS:
         meaning = bits_text(value, dict(MEANINGS[signal]))
     else:

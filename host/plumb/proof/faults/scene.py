@@ -60,6 +60,8 @@ LINKED = "linked"
 PILOT = "pilot"
 """A feature: a pilot's receiver may arm it."""
 RECEIVER = "receiver"
+FLOWN_WORDS = {"receiver": 1, "battery_min_mv": 10_000}
+"""Parameters of a vehicle with a pilot and a battery of three cells."""
 """In place of a host's link: what armed the scene. A host on serial listens."""
 ARMING_S = 3.0
 """Longest time to arming, while the sensors come up and the estimate converges."""
@@ -296,7 +298,7 @@ def driving(
     board = VirtualBoard(image, link="serial" if by_pilot else link)
     try:
         params = quantise(fitted(scenario, tuning))
-        words = link_words(system, scenario) | ({"receiver": 1} if by_pilot else {})
+        words = link_words(system, scenario) | (FLOWN_WORDS if by_pilot else {})
         session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **words)
         if changes:
             parameter_table.commit(session, {**by_name(parameter_table.read_table(session)), **changes})

@@ -1,4 +1,5 @@
-"""`quadrotor` on the pins of the virtual board: an MPU-6050 on I2C1, pulses of four rotors from TIM2."""
+"""`quadrotor` on the pins of the virtual board: an MPU-6050 on I2C1, pulses of four rotors from TIM2, the battery on
+PB0."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from plumb.f103.attached.mpu6050 import LSB_PER_DPS, LSB_PER_G, Mpu6050
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
+from plumb.physics.battery import BATTERY_PIN, Battery
 from plumb.systems.contracts import Conversion
 from plumb.systems.quadrotor.plant import QuadrotorPlant
 from plumb.systems.quadrotor.vehicle import ROTORS_ON
@@ -19,6 +21,8 @@ DRIVING = 9830, {"switches": ROTORS_ON}
 FRAMES = ("RAW_A", "RAW_B", "RAW_C", "RAW_D")
 ROTOR_PINS = ("PA0", "PA1", "PA2", "PA3")
 """Front right, front left, rear left, rear right."""
+NEUTRAL_HALFUS, SPAN_HALFUS = 2000, 2000
+"""Pulse of a motor that rests, and from there to its full command."""
 FOLLOW_US = 1000
 """Interval at which the plant reads the PWM pins."""
 WIDEST = -1
@@ -39,7 +43,12 @@ class Coupling:
         self.gyro = self.accel = Mpu6050(machine, self._rate_dps, self._force_g)
         machine.i2c_bus.slaves.append(self.gyro)
         self.gyro.on_read = self._read
+        self.battery, self._share = Battery(), 0.0
+        machine.adc.setdefault(BATTERY_PIN, self._battery_v)
         self._follow(machine.now)
+
+    def _battery_v(self, _now_s: float) -> float:
+        return self.battery.input_v(self._share)
 
     def _time_s(self, now_s: float) -> float:
         return 0.0 if self._start is None else max(now_s - self._start, 0.0)
@@ -64,6 +73,8 @@ class Coupling:
     def _advance(self, now_s: float) -> None:
         pulses = [self.machine.pwm(pin) for pin in ROTOR_PINS]
         halfus = [round(2.0 * pulse.pulse_us) if pulse.enabled else 0 for pulse in pulses]
+        above = [min(max(pulse - NEUTRAL_HALFUS, 0), SPAN_HALFUS) for pulse in halfus]
+        self._share = sum(above) / (len(above) * SPAN_HALFUS)
         outputs = {f"pulse_halfus_{rotor}": one for rotor, one in enumerate(halfus)}
         self.plant.follow(self._time_s(now_s), outputs)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from plumb.systems.wiring import (
     ADAPTER,
+    ANALOG,
     CAN,
     CAN_POWER,
     COMMON,
@@ -36,6 +37,15 @@ RECEIVER = Device(
     (Wire("TX", "PB11", INPUT), Wire("5V, GND", "5V GND")),
     4,
 )
+BATTERY = Device(
+    "battery (optional)",
+    (
+        Wire("plus, by 47 kΩ", "PB0", ANALOG, "10 kΩ, 100 nF to GND"),
+        Wire("current sensor, 3.3 V", "PB1", ANALOG),
+        Wire("minus", "GND"),
+    ),
+    13.4,
+)
 NOTES = (
     COMMON,
     *CAN_POWER,
@@ -45,6 +55,7 @@ NOTES = (
     "Speed controllers, plain PWM of 50 to 490 Hz, taught 1000 to 2000 us; their red wires stay open.",
     "Seen from above, front right and rear left turn clockwise, the others counter-clockwise.",
     "The receiver is used after plumb params set receiver=1 --save.",
+    "47 kΩ and 10 kΩ divide up to 18.8 V to 3.3 V. It is used after plumb params set battery_min_mv=10500 --save.",
     "Propellers off: a host arms it over a link, which is for the bench.",
     SWITCH_NOTE,
 )
@@ -55,7 +66,7 @@ DRAWINGS = (
         "quadrotor: an MPU-6050, four speed controllers",
         "quadrotor",
         left=(ADAPTER, CAN, MPU6050),
-        right=(RECEIVER, ROTORS, SWITCH),
+        right=(RECEIVER, ROTORS, BATTERY, SWITCH),
         notes=(*NOTES, *MPU6050_NOTES),
     ),
     Drawing(
@@ -63,7 +74,7 @@ DRAWINGS = (
         "quadrotor: gyro and accelerometer, four speed controllers",
         "quadrotor",
         left=(ADAPTER, CAN, TWO_CHIPS),
-        right=(RECEIVER, ROTORS, SWITCH),
+        right=(RECEIVER, ROTORS, BATTERY, SWITCH),
         notes=NOTES,
     ),
 )
