@@ -67,14 +67,6 @@ KERNEL uint32_t take_sample(plumb_attitude_words_t *w, const plumb_params_t *p, 
     return flags;
 }
 
-/* A sample with rates alone: the acceleration is taken for 1 g upwards, which tells nothing about the tilt,
- * and with it the velocity of the block for unknown. */
-SELDOM void without_acceleration(plumb_attitude_t *c) {
-    for (unsigned i = 0; i < 3U; i++)
-        c->words.accel_g_q25[i] = c->started ? asr32(c->words.up_q30[i], 5) : 0;
-    c->velocity_added_q26 = VELOCITY_ADDED_Q26;
-}
-
 /* One row of the attitude's matrix into the coupling of the block. */
 KERNEL void add_row(int32_t rows[3], int32_t turned[3], const int32_t m[3], const int32_t half[3]) {
     rows[0] += asr32(m[0], 8);
@@ -101,21 +93,18 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
         c->gap_steps = (uint8_t)min_u32(c->gap_steps + 1U, LONGEST_RUN);
     } else {
         flags = take_sample(w, p, raw);
-        if ((flags & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U && raw[3] == INT16_MIN && raw[4] == INT16_MIN &&
-            raw[5] == INT16_MIN)
-            without_acceleration(c);
     }
     const int32_t hx = half_angle(w->rate_turnps_q28[0], a->half_angle);
     const int32_t hy = half_angle(w->rate_turnps_q28[1], a->half_angle);
     const int32_t hz = half_angle(w->rate_turnps_q28[2], a->half_angle);
     const int32_t half[3] = {hx, hy, hz};
+    if (((flags & CLIPPED) | c->gyro_clipped_steps | c->accel_clipped_steps) != 0U)
+        count_clipped(c, a, flags, half);
     const int32_t ax = w->accel_g_q25[0], ay = w->accel_g_q25[1], az = w->accel_g_q25[2];
     const bool bridged = c->gap_steps != 0U && flags != PLUMB_ATTITUDE_FLAG_MISSING;
     int32_t force_g_q20[3];
     if (bridged)
         bridge(c, a, half, force_g_q20);
-    if (((flags & CLIPPED) | c->gyro_clipped_steps | c->accel_clipped_steps) != 0U)
-        count_clipped(c, a, flags, half);
     if (!c->started) {
         c->started = align(&w->attitude, asr32(ax, 1), asr32(ay, 1), asr32(az, 1), WORTHLESS_G_Q25 / 4U) >=
                      WORTHLESS_G_Q25 / 4U;

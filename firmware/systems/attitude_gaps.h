@@ -5,8 +5,9 @@
 
 #include "attitude_turns.h"
 
-#define ADDED_ACCEL_G_Q20 1258291200 /* 1200 g: most that a bridge adds along an axis */
-#define BRIDGED_FORCE_Q18 550502400  /* 2100 g: 125 steps more do not overflow */
+#define ADDED_ACCEL_G_Q20 1258291200      /* 1200 g: most that a bridge adds along an axis */
+#define NO_FORCE          (3 * INT16_MIN) /* sum of three counts that all say: no acceleration */
+#define BRIDGED_FORCE_Q18 550502400       /* 2100 g: 125 steps more do not overflow */
 
 /* Component of an acceleration along a row, Q23 of Q25. */
 KERNEL int32_t along(const int32_t m[3], int32_t x, int32_t y, int32_t z) {
@@ -76,10 +77,25 @@ static uint64_t unseen(uint8_t *run, uint32_t *slope, bool clipped, const int32_
     return clipped ? 0U : mul_u64(steps * steps * steps * steps, *slope);
 }
 
-/* Count samples at the limits, and at their end add the variance of the hidden part. */
+/* A sample with rates alone: the acceleration is taken for 1 g upwards, which tells nothing about the tilt,
+ * and with it the velocity of the block for unknown. */
+SELDOM void without_acceleration(plumb_attitude_t *c) {
+    for (unsigned i = 0; i < 3U; i++)
+        c->words.accel_g_q25[i] = c->started ? asr32(c->words.up_q30[i], 5) : 0;
+    c->velocity_added_q26 = VELOCITY_ADDED_Q26;
+}
+
+/* Count samples at the limits, and at their end add the variance of the hidden part. The rates are alone when
+ * the accelerations are marked so, or have been at a limit for two blocks. */
 SELDOM void count_clipped(plumb_attitude_t *c, const plumb_attitude_params_t *a, uint32_t flags,
                           const int32_t half[3]) {
-    if (flags == PLUMB_ATTITUDE_FLAG_MISSING || !c->started)
+    if (flags == PLUMB_ATTITUDE_FLAG_MISSING)
+        return;
+    const int32_t *const raw = &c->words.raw[3];
+    if ((flags & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U &&
+        (raw[0] + raw[1] + raw[2] == NO_FORCE || c->accel_clipped_steps >= 2U * (uint32_t)a->block_steps))
+        without_acceleration(c);
+    if (!c->started)
         return;
     const uint64_t turned = unseen(&c->gyro_clipped_steps, &c->gyro_slope_q32,
                                    (flags & PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED) != 0U, half, c->half_sixth_q32);
@@ -88,6 +104,8 @@ SELDOM void count_clipped(plumb_attitude_t *c, const plumb_attitude_params_t *a,
                (flags & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U, c->words.accel_g_q25, c->accel_sixth_q25);
     const uint32_t thrice_q32 = limited(turned, VARIANCE_LIMIT_Q32) * 4U;
     add_limited(&c->tilt_added_q32, thrice_q32 / 3U, VARIANCE_LIMIT_Q32);
+    if (forced == 0U)
+        return;
     const uint64_t force_q8 = forced >> 10 < 1ULL << 40 ? forced >> 10 : 1ULL << 40;
     const uint64_t square_q26 = force_q8 * mulhi_u32(a->dt_s_q33, a->dt_s_q33) >> 16;
     add_limited(&c->velocity_added_q26, limited(square_q26, 3U * VELOCITY_ADDED_Q26) / 3U,

@@ -267,6 +267,21 @@ def test_one_chip_whose_data_hang(mpu: Six) -> None:
 
 
 @pytest.mark.slow
+def test_the_accelerations_of_one_chip_hang_alone(mpu: Six) -> None:
+    capture = mpu.armed()
+    mpu.mpu.forces_frozen = True
+    mpu.run(capture, 0.030 - 2 * PERIOD_US * 1e-6)
+    assert mpu.driving()
+    mpu.run(capture, 5 * PERIOD_US * 1e-6)
+    assert not mpu.driving()
+    mpu.run(capture, 0.1)
+    assert mpu.told() == ["accelerometer: its data do not change"]
+    mpu.mpu.forces_frozen = False
+    mpu.run(capture, RECOVERY_S)
+    mpu.recovers(capture)
+
+
+@pytest.mark.slow
 def test_one_chip_that_lost_its_settings_gets_them_again(mpu: Six) -> None:
     """A dip of the supply: it is asleep, its data stand still."""
     capture = mpu.armed()

@@ -84,6 +84,12 @@ def test_limits_are_the_smallest_with_a_false_alarm_in_10000_hours(chip: str, op
         assert repeats == shortest or false_alarm_hours(sigmas, repeats - 1, interval_s) < HOURS, (chip, option)
 
 
+def test_the_limits_of_six_axes_hold_for_the_accelerations_alone() -> None:
+    for option, (interval_s, repeats) in zip(ITG3205_HZ, table("mpu6050"), strict=True):
+        forces_lsb = noise("mpu6050", option)[0][3:]
+        assert false_alarm_hours(forces_lsb, repeats, interval_s) >= HOURS, option
+
+
 def test_the_shipped_settings_find_a_stuck_chip_in_80_and_30_ms() -> None:
     from plumb.systems.balancer import scenarios as balancer
 

@@ -130,6 +130,23 @@ def test_rates_alone_are_the_same_in_float64() -> None:
     assert np.abs(sigma_deg(words) - floats["tilt_sigma_deg"])[steps(1.0) :].max() < 0.05
 
 
+def test_an_accelerometer_at_its_rail_is_not_used_after_two_blocks() -> None:
+    """One axis stays at the end of its range for 8 s of motion, then moves again."""
+    rate = np.vstack([still(6.0)[0], swing(8.0, 60.0, 0.5), still(6.0)[0]])
+    raw, up = felt(rate, np.zeros_like(rate))
+    held = slice(steps(6.0), steps(14.0))
+    raw[held, 3] = 32767
+    words, floats = run(raw), reference.run_control(tuning_of(), raw)
+    error, sigma = error_deg(words, up), sigma_deg(words)
+    assert flagged(words, "ACCEL_CLIPPED")[held].all() and not flagged(words, "ACCEL_CLIPPED")[held.stop :].any()
+    # Used for 8 s, such an acceleration turns the estimate by 111 deg.
+    assert error[held].max() < 0.1
+    assert sigma[held.stop - 1] > 2.0 * sigma[held.start - 1], "it says that it becomes unsure"
+    assert error[-1] < 0.2, "the accelerations are back"
+    vertical = np.stack([floats[f"up_{axis}"] for axis in "xyz"], 1)
+    assert error_deg(words, vertical).max() < 0.01
+
+
 def test_before_the_first_acceleration_nothing_is_up() -> None:
     rate, moved = still(8.0)
     raw, up = felt(rate + 0.0, moved)

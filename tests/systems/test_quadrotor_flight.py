@@ -77,6 +77,26 @@ def test_what_does_not_fly_is_stopped(name: str, at_s: float, on: bool) -> None:
     assert bool(flight.rotor[flight.between(at_s + 0.2, np.inf)].any()) is on
 
 
+def test_an_accelerometer_at_its_rail_is_flown_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One axis at 16 g for 5 s of the flight, then back."""
+    begin_s, end_s, period_s = 6.0, 11.0, scenarios.PERIOD_US * 1e-6
+    counted = Vehicles.counts
+    calls = iter(range(1 << 30))
+
+    def counts(vehicles: Vehicles) -> np.ndarray:
+        felt = counted(vehicles)
+        if begin_s <= next(calls) * period_s < end_s:
+            felt[:, 3] = 32767
+        return felt
+
+    monkeypatch.setattr(Vehicles, "counts", counts)
+    flight = fly("calm", SEEDS, seconds=14.0)
+    air = flight.between(begin_s, np.inf)
+    assert set(np.unique(flight.phase[air])) == {FLOWN} and flight.rotor[air].all()
+    # 1.3 deg of error and 0.4 of lean; where the rail is not beyond the limits, all four crash.
+    assert flight.error_deg[air].max() < 2.0 and flight.lean_deg[air].max() < 2.0
+
+
 def test_nothing_turns_before_the_switch() -> None:
     flight = flown("lean")
     assert not flight.rotor[flight.between(0.0, courses.REST_S)].any()

@@ -4,9 +4,9 @@
 
 /* The groups of settings, each set of values once. */
 #define CHANNEL_1 \
-    {.zero_counts = 0.0, .unit_per_count = 0.06103515625, .min_counts = -32767, .max_counts = 32767}
+    {.zero_counts = 0.0, .unit_per_count = 0.06103515625, .min_counts = -32767, .max_counts = 32766}
 #define CHANNEL_2 \
-    {.zero_counts = 0.0, .unit_per_count = 0.000244140625, .min_counts = -32767, .max_counts = 32767}
+    {.zero_counts = 0.0, .unit_per_count = 0.000244140625, .min_counts = -32767, .max_counts = 32766}
 #define START_1 \
     {.tilt_deg = 0.0, .bias_dps = 0.0, .p00_deg2 = 8100.0, .p01_deg2_per_s = 0.0, .p11_dps2 = 25.0}
 #define PHONEAXIS_1 \

@@ -149,14 +149,16 @@ static void next_step(void) {
     }
 }
 
-/* Equal samples in a row that make a sensor stuck; 0: never. */
-static uint32_t stuck_limit(uint32_t sensor) {
+/* Counts samples that equal the one before. True when there are so many that the sensor is stuck. */
+static bool stands_still(uint32_t sensor, bool changed) {
+    sensor_t *const s = &sensors[sensor];
     const chip_t *const chip = chip_of(sensor);
-    const uint32_t option = sensor == ACCEL ? use.accel_rate : use.gyro_filter;
+    const uint32_t option = sensor == ACCEL && chip_count() > 1u ? use.accel_rate : use.gyro_filter;
     const chip_stuck_t *const least = &chip->stuck[option - chip->option_first];
     const uint32_t limit_us = 1000u * least->interval_ms * least->repeats;
     const uint32_t samples = (limit_us + period_us - 1u) / period_us;
-    return use.stuck_ms == 0u ? 0u : samples > least->repeats ? samples : least->repeats;
+    s->same = (uint16_t)(changed ? 0u : s->same + (s->same < UINT16_MAX ? 1u : 0u));
+    return use.stuck_ms != 0u && s->same >= (samples > least->repeats ? samples : least->repeats);
 }
 
 /* Stores the three axes of a sensor from the bytes at `place` of a sample. True when one has changed. */
@@ -175,15 +177,14 @@ static bool store_axes(uint32_t sensor, uint32_t place) {
 static void store_sample(void) {
     bool changed;
     if (chip_count() == 1u) {
-        changed = store_axes(ACCEL, 0u);
-        changed = store_axes(GYRO, mpu6050.gyro_at) || changed;
+        const bool felt = store_axes(ACCEL, 0u);
+        changed = store_axes(GYRO, mpu6050.gyro_at) || felt;
+        sensors[ACCEL].cause = stands_still(ACCEL, felt) ? BOARD_SENSOR_STUCK : BOARD_SENSOR_GOOD;
     } else {
         changed = store_axes(active, 0u);
     }
     sensor_t *const s = &sensors[active];
-    s->same = (uint16_t)(changed ? 0u : s->same + (s->same < UINT16_MAX ? 1u : 0u));
-    const uint32_t limit = stuck_limit(active);
-    if (limit > 0u && s->same >= limit) {
+    if (stands_still(active, changed)) {
         if (s->cause == BOARD_SENSOR_GOOD) {
             lose(BOARD_SENSOR_STUCK); /* set up anew: after a dip of its supply a chip is asleep */
         }
@@ -192,14 +193,18 @@ static void store_sample(void) {
     }
 }
 
-static bool bad(uint32_t sensor) {
-    return use.marks_missing != 0u && sensors[sensor].cause != BOARD_SENSOR_GOOD;
+/* Why the accelerations are not trusted. In one chip they share the gyro's cause. */
+static uint8_t accel_cause(void) {
+    const uint8_t shared = sensors[GYRO].cause;
+    return chip_count() == 1u && shared != BOARD_SENSOR_GOOD ? shared : sensors[ACCEL].cause;
 }
 
 static void publish(void) {
     int16_t *const raw = samples_next();
     if (use.kind == BOARD_SENSORS_SIX_AXES) {
-        const bool no_rate = bad(GYRO), no_force = no_rate || bad(chip_count() - 1u);
+        const bool marks = use.marks_missing != 0u;
+        const bool no_rate = marks && sensors[GYRO].cause != BOARD_SENSOR_GOOD;
+        const bool no_force = no_rate || (marks && accel_cause() != BOARD_SENSOR_GOOD);
         for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
             raw[axis] = no_rate ? INT16_MIN : axes[GYRO][axis];
             raw[AXIS_LAST + 1u + axis] = no_force ? INT16_MIN : axes[ACCEL][axis];
@@ -352,6 +357,6 @@ void imu_health(board_health_t *health) {
         return;
     }
     health->gyro = phase == OFF ? BOARD_SENSOR_GOOD : sensors[GYRO].cause;
-    health->accel = phase == OFF ? BOARD_SENSOR_GOOD : sensors[chip_count() - 1u].cause;
+    health->accel = phase == OFF ? BOARD_SENSOR_GOOD : accel_cause();
     health->bus_failures = failures;
 }

@@ -38,8 +38,9 @@ class ImuGrade:
     offset_g: float = 0.002
 
 
-MPU6050 = ImuGrade(Channel(0.0, 1.0 / 16.4, -32767, 32767), Channel(0.0, 1.0 / 2048.0, -32767, 32767), 0.005, 400e-6)
-TWO_CHIPS = ImuGrade(Channel(0.0, 1.0 / 14.375, -28750, 28750), Channel(0.0, 1.0 / 256.0, -4096, 4095), 0.03, 290e-6)
+# The last count of each side is a sensor at its rail: beyond the limits, and so flagged.
+MPU6050 = ImuGrade(Channel(0.0, 1.0 / 16.4, -32767, 32766), Channel(0.0, 1.0 / 2048.0, -32767, 32766), 0.005, 400e-6)
+TWO_CHIPS = ImuGrade(Channel(0.0, 1.0 / 14.375, -28750, 28750), Channel(0.0, 1.0 / 256.0, -4095, 4094), 0.03, 290e-6)
 IMU_GRADES = {"mpu6050": MPU6050, "adxl345_itg3205": TWO_CHIPS}
 
 

@@ -39,6 +39,8 @@ class Mpu6050(Chip):
     ) -> None:
         self.forces = forces
         self.force_counts = (0, 0, 0)
+        self.forces_frozen = False
+        """True: the accelerometer takes no new samples; the gyro does."""
         super().__init__(machine, rates, address, identity)
 
     def period_s(self) -> float:
@@ -49,7 +51,8 @@ class Mpu6050(Chip):
 
     def convert(self, felt: tuple[float, float, float]) -> tuple[int, int, int]:
         gyro, accel = (self.registers[at] >> 3 & 3 for at in (GYRO_CONFIG, ACCEL_CONFIG))
-        self.force_counts = _counts(self.forces(self.sampled_s), LSB_PER_G[accel])
+        if not self.forces_frozen:
+            self.force_counts = _counts(self.forces(self.sampled_s), LSB_PER_G[accel])
         return _counts(felt, LSB_PER_DPS[gyro])
 
     def store(self) -> None:

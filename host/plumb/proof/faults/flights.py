@@ -10,7 +10,7 @@ from plumb.proof.faults.host import closes_and_opens, disarms, ends_run, silent
 from plumb.proof.faults.outputs import PROGRAM
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import PILOT, RECEIVER, Scene
-from plumb.proof.faults.sensors import GYRO_BACK, chip
+from plumb.proof.faults.sensors import GYRO_BACK, chip, digital
 
 FLOWN = frozenset({PILOT})
 CHIPS = frozenset({PILOT, "chips"})
@@ -86,6 +86,9 @@ FAULTS = (
           chip("gyro", answers=False), "blind", (BY_STEP, NO_SAMPLES), needs=CHIPS, link=RECEIVER, phases=True),
     Fault("flown-sensor-frozen", "flights", "the data registers keep their values, while a pilot flies",
           chip("gyro", frozen=True), "frozen", (BY_STEP, NO_SAMPLES), needs=CHIPS, link=RECEIVER),
+    Fault("flown-accel-frozen", "flights", "the accelerations in the registers keep their values, while a pilot flies",
+          chip("gyro", forces_frozen=True), "sensor", (digital("its data do not change", 8),), needs=CHIPS, link=RECEIVER,
+          moves_on=True),
     Fault("flown-steps-stop", "flights", "the timer that paces the steps stands still, while a pilot flies", steps_stop,
           "steps", (Told("EVENTS", "disarm_cause", 1 << 3),), needs=FLOWN, link=RECEIVER),
     Fault("flown-loop-hangs", "flights", "the main loop branches to itself, while a pilot flies", loop_hangs, "stall",

@@ -94,7 +94,8 @@ def sample(c: ControlState, p: Params, raw: Sequence[Integer]) -> Integer:
     missing = (raw[0] == NO_SAMPLE) | (last & (c.gap != 0))
     rates, gyro_clipped = sense(p, raw[:3], "gyro")
     forces, accel_clipped = sense(p, raw[3:], "accel")
-    rates_alone = (raw[3] == NO_SAMPLE) & (raw[4] == NO_SAMPLE) & (raw[5] == NO_SAMPLE) & (accel_clipped != 0)
+    marked = (raw[3] == NO_SAMPLE) & (raw[4] == NO_SAMPLE) & (raw[5] == NO_SAMPLE)
+    rates_alone = (marked | (c.accel_run >= 2 * p["attitude.block_steps"])) & (accel_clipped != 0)
     unknown = select(missing, c.velocity_added, VELOCITY_ADDED_MAX_Q26)
     c.velocity_added = select(rates_alone, unknown, c.velocity_added)
     for i in AXES:

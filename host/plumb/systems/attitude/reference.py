@@ -108,7 +108,9 @@ class Model:
             ((part < channel.min_counts) | (part > channel.max_counts)).any(axis=1) & ~missing
             for part, channel in ((counts[:, :3], gyro), (counts[:, 3:], accel))
         ]
-        rates_alone = (counts[:, 3:] == NO_SAMPLE).all(axis=1) & clipped[1]
+        at_limit = np.cumsum(clipped[1])
+        in_a_row = at_limit - np.maximum.accumulate(np.where(clipped[1] | missing, 0, at_limit))  # up to this step
+        rates_alone = clipped[1] & ((counts[:, 3:] == NO_SAMPLE).all(axis=1) | (in_a_row > 2 * self.steps))
         return Samples(rate, force, thrust, missing, clipped[0], clipped[1], rates_alone)
 
     def half_angles(self, x: Filter, samples: Samples) -> FloatArray:

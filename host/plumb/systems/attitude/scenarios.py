@@ -55,7 +55,8 @@ class Sensors:
 
 
 def _sixteen_bits(lsb_per_dps: float, lsb_per_g: float) -> tuple[Channel, Channel]:
-    return Channel(0.0, 1.0 / lsb_per_dps, -32767, 32767), Channel(0.0, 1.0 / lsb_per_g, -32767, 32767)
+    """The last count of each side is a sensor at its rail: beyond the limits, and so flagged."""
+    return Channel(0.0, 1.0 / lsb_per_dps, -32767, 32766), Channel(0.0, 1.0 / lsb_per_g, -32767, 32766)
 
 
 STANDARD = Sensors(*_sixteen_bits(16.4, 2048.0))
@@ -63,7 +64,7 @@ STANDARD = Sensors(*_sixteen_bits(16.4, 2048.0))
 SENSORS = {
     TWO_CHIPS: Sensors(
         Channel(0.0, 1.0 / 14.375, -28750, 28750),
-        Channel(0.0, 1.0 / 256.0, -4096, 4095),
+        Channel(0.0, 1.0 / 256.0, -4095, 4094),
         bias_dps=2.0,
         warm_up_dps=0.5,
         scale=0.01,

@@ -34,9 +34,9 @@ GRID_S = 0.001
 """Step of the simulated motion; rates are differences over two steps."""
 G_MPS2 = 9.80665
 
-GYRO = Channel(zero_counts=0.0, unit_per_count=1.0 / 16.384, min_counts=-32767, max_counts=32767)
+GYRO = Channel(zero_counts=0.0, unit_per_count=1.0 / 16.384, min_counts=-32767, max_counts=32766)
 """+-2000 deg/s, the range of a phone's gyro."""
-ACCEL = Channel(zero_counts=0.0, unit_per_count=1.0 / 4096.0, min_counts=-32767, max_counts=32767)
+ACCEL = Channel(zero_counts=0.0, unit_per_count=1.0 / 4096.0, min_counts=-32767, max_counts=32766)
 """+-8 g."""
 
 GYRO_NOISE_DPS_PER_RTHZ, WALK_DPS_PER_RTS, SCALE_ERROR = 0.01, 0.0005, 0.005
