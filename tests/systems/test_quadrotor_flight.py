@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 import plumb
@@ -83,7 +84,7 @@ def test_an_accelerometer_at_its_rail_is_flown_without(monkeypatch: pytest.Monke
     counted = Vehicles.counts
     calls = iter(range(1 << 30))
 
-    def counts(vehicles: Vehicles) -> np.ndarray:
+    def counts(vehicles: Vehicles) -> npt.NDArray[np.int16]:
         felt = counted(vehicles)
         if begin_s <= next(calls) * period_s < end_s:
             felt[:, 3] = 32767

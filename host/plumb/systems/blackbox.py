@@ -17,7 +17,7 @@ from plumb.spec.records import Words
 from plumb.spec.system_parts import Part
 from plumb.tuning.quantise import ControlParams
 
-Cells = npt.NDArray[np.floating[Any]] | npt.NDArray[np.int64] | npt.NDArray[np.str_]
+Cells = npt.NDArray[np.floating[Any]] | npt.NDArray[np.int64] | npt.NDArray[np.str_]  # Any: numpy's own width
 PID_UNITS = 1000.0
 """axisP, axisI, axisD: units in the full command of a motor."""
 STICK_UNITS, THROTTLE_UNITS, THROTTLE_LOW = 500.0, 1000.0, 1000.0
