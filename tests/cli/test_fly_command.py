@@ -50,6 +50,8 @@ def test_it_ends_by_itself_and_says_how_fast_it_was(tmp_path: Path, capsys: pyte
         (["--port", "70000"], "--port 70000"),
         (["--seconds", "0"], "--seconds 0"),
         (["--seed", "-1"], "seed is 0 or more"),
+        (["--out", "/dev/null"], "cannot record in /dev/null: /dev/null is no folder"),
+        (["--out", "/proc/flights"], "cannot write /proc/flights/flight.plog"),
     ],
 )
 def test_wrong_use_is_one_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:

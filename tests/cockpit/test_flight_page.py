@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from plumb import systems
+from plumb.__main__ import main
 from plumb.cockpit.flight import transmitter
 from plumb.cockpit.flight.flight_loop import FlightLoop
 from plumb.cockpit.flight.flight_page import ASSETS
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_server import PageServer
-from support.chromium import Chromium, Page
+from plumb.inputs import log_replay
+from support.chromium import PATIENCE_S, Chromium, Page
 from support.flight_bench import flying
 
 STEERED = systems.with_part("steered")
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not STEERED, reason="no declared system has steered.py")]
 PATIENT_S = 5.0
 """Silence of these tests: a machine that is busy may leave a page waiting for longer than a pilot's receiver does."""
+SLOWER, SLOW_FRAMES = 20, 10
+"""A browser whose processor has this share of its time, and fewer pictures a second than this."""
 HINT = "document.getElementById('hint').textContent"
 READY = f"{HINT}.includes('Enter')"
 ARMED = "document.getElementById('armed').textContent === 'ARMED'"
@@ -69,8 +74,45 @@ def key(page: Page, kind: str, code: str) -> None:
     page.call("Input.dispatchKeyEvent", type=kind, code=code, key=code)
 
 
-def test_a_gamepad_takes_off_hovers_turns_and_lands_and_the_report_is_there(
-    server: PageServer, loop: FlightLoop, chromium: Chromium
+def upright(loop: FlightLoop) -> float:
+    """Cosine of the vehicle's lean: -1 on its back."""
+    attitude = loop.scene["attitude"]
+    assert isinstance(attitude, list)
+    _, x, y, _ = attitude
+    return float(1.0 - 2.0 * (x * x + y * y))
+
+
+def until(reached: Callable[[], bool], what: str) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while not reached():
+        assert time.monotonic() < end_s, f"it never came to: {what}"
+        time.sleep(0.005)
+
+
+def flip(page: Page, loop: FlightLoop) -> None:
+    """Mode rate, the full stick to the right until the vehicle is on its back, and mode level again."""
+    push(page, 1)
+    page.value("pad.axes[1] = -1; pad.axes[2] = 1")
+    until(lambda: upright(loop) < -0.5, "the vehicle on its back")
+    page.value("pad.axes[2] = 0")
+    push(page, 1)
+    until(lambda: upright(loop) > 0.95, "upright again")
+    page.value("pad.axes[1] = 0")
+
+
+def frames_in_a_second(page: Page) -> int:
+    drawn = page.value("""new Promise((done) => {
+      let drawn = 0;
+      const draw = () => { drawn++; requestAnimationFrame(draw); };
+      requestAnimationFrame(draw);
+      setTimeout(() => done(drawn), 1000);
+    })""")
+    assert isinstance(drawn, int)
+    return drawn
+
+
+def test_a_gamepad_takes_off_hovers_flips_and_lands_on_a_slow_browser_and_every_step_is_recorded(
+    server: PageServer, loop: FlightLoop, chromium: Chromium, tmp_path: Path
 ) -> None:
     page, viewer = opened(chromium, server.control_address), opened(chromium, server.watch_address)
     page.until(READY)
@@ -78,13 +120,30 @@ def test_a_gamepad_takes_off_hovers_turns_and_lands_and_the_report_is_there(
     push(page, 0)
     page.until(ARMED)
     viewer.until(f"{ARMED} && {HINT}.includes('watches')")
+    viewer.close()
     page.value("pad.axes[1] = -1")
     page.until(f"{HEIGHT} > 1")
     page.value("pad.axes[1] = 0; pad.axes[0] = 1")
     page.until(f"{SAID} === 'flown' && document.getElementById('light').className === 'green'")
     assert page.value(HEIGHT) > 0.5  # type: ignore[operator]
     assert page.value("document.getElementById('flat').hidden"), "the scene is drawn"
-    page.value("pad.axes[0] = 0; pad.axes[1] = 1")
+    page.value("pad.axes[0] = 0; pad.axes[1] = -1")
+    page.until(f"{HEIGHT} > 1.8")
+
+    second = opened(chromium, server.control_address)
+    second.until(f"{ARMED} && {HINT} === 'Another page flies; this one watches'")
+    second.value(PAD)
+    push(second, 0)
+    assert second.value(ARMED), "a page that watches switches no rotors"
+    second.close()
+
+    flip(page, loop)
+    assert loop.state["armed"] and loop.state["said"] == "flown"
+    page.call("Emulation.setCPUThrottlingRate", rate=SLOWER)
+    assert frames_in_a_second(page) < SLOW_FRAMES
+    assert loop.state["heard"] and upright(loop) > 0.95, "a slow picture flies on"
+    page.call("Emulation.setCPUThrottlingRate", rate=1)
+    page.value("pad.axes[1] = 1")
     page.until(f"{HEIGHT} < 0.2")
     push(page, 0)
     page.until(f"{HINT}.includes('over')")
@@ -92,6 +151,10 @@ def test_a_gamepad_takes_off_hovers_turns_and_lands_and_the_report_is_there(
     report = str(page.value("document.querySelector('#reports a').href"))
     assert "steered" not in report and page.value(f"fetch({json.dumps(report)}).then((answer) => answer.text())")
     assert loop.flights == 1 and loop.state["light"]["colour"] != "red"  # type: ignore[index]
+    (log,) = tmp_path.glob("*.plog")
+    (run,) = log_replay.runs_of(log_replay.open_log(log))
+    assert run.run.steps > 4000 and run.known == run.run.steps and not run.run.incomplete, "no step is missing"
+    assert main(["replay", str(log), "--board", "native"]) == 0
 
 
 def test_keys_fly_and_the_buttons_let_it_happen(server: PageServer, chromium: Chromium) -> None:

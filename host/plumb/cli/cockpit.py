@@ -58,6 +58,7 @@ def check_page(arguments: argparse.Namespace) -> None:
     """Raises UsageError for wrong options of a page, and without what serves it."""
     from plumb.errors import UsageError
     from plumb.extras import install_hint
+    from plumb.files import whole_files
 
     options.check_duration(arguments.seconds)
     if not 0 <= arguments.port <= 65535:
@@ -65,6 +66,7 @@ def check_page(arguments: argparse.Namespace) -> None:
     there = next((path for path in (arguments.out, *arguments.out.parents) if os.path.lexists(path)), Path())
     if not there.is_dir():
         raise UsageError(f"cannot record in {arguments.out}: {there} is no folder; choose another with --out")
+    whole_files.require_writable(arguments.out / "flight.plog", "choose another folder with --out")
     try:
         import aiohttp  # noqa: F401
     except ImportError:

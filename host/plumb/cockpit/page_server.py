@@ -39,8 +39,8 @@ SEND_TIMEOUT_S = 10.0
 """A page that takes nothing for this long is closed."""
 ANSWERS_KEPT = 100
 MODULES = (
-    "attitude", "cockpit", "columns", "control", "dom", "health", "link", "panel", "parameters", "plots", "rows",
-    "scale", "view",
+    "attitude", "cockpit", "columns", "control", "dom", "health", "light", "link", "panel", "parameters", "plots",
+    "rows", "scale", "view",
 )  # fmt: skip
 ASSETS = {
     "": ("index.html", "text/html"),

@@ -19,7 +19,7 @@ from plumb.cockpit.page_server import Page
 from plumb.errors import UsageError
 
 STICKS = "sticks"
-SHARED = ("dom", "link")
+SHARED = ("dom", "light", "link")
 """Modules of the cockpit's page that this one uses."""
 OWN = ("fly", "gauges", "hands", "scene", "shader", "vehicle")
 ASSETS = {

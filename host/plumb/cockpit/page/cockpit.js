@@ -4,6 +4,7 @@ import { anglesOf, attitudeOf, drawBody, drawHorizon } from "./attitude.js";
 import { setpointMoved, showControl } from "./control.js";
 import { byId, setText } from "./dom.js";
 import { showAnswer, showHealth, showLog } from "./health.js";
+import { gone, showLight, trouble } from "./light.js";
 import { Link } from "./link.js";
 import { ParameterList } from "./parameters.js";
 import { plotsOf } from "./plots.js";
@@ -35,19 +36,10 @@ byId("stop").addEventListener("click", stop);
 
 // ---- what is shown ----
 
-function trouble(said) {
-  setText(byId("trouble"), said);
-  byId("trouble").hidden = !said;
-}
-
-// Nothing on the page is of the present any more: the light is out, and says so.
 function silent() {
   state = null;
-  document.querySelector("aside").inert = true;
-  trouble("plumb cockpit does not answer: it has ended, or hangs. The board is disarmed without it.");
+  gone("plumb cockpit does not answer: it has ended, or hangs. The board is disarmed without it.");
   document.body.className = "stale";
-  byId("light").className = "off";
-  setText(byId("light-text"), "no connection");
   byId("armed").className = "unknown";
   setText(byId("armed"), "unknown");
 }
@@ -66,8 +58,7 @@ function showState(said) {
   trouble(said.lost ? `${said.lost}. The cockpit tries to open the board again.` : said.mismatch);
   setText(byId("slow"), said.speed < 0.9 ? slowText(said.speed) : "");
   setText(byId("system"), `${said.run?.system ?? ""} on ${said.board}`);
-  byId("light").className = said.light.colour;
-  setText(byId("light-text"), said.light.text);
+  showLight(said.light);
   byId("armed").className = said.armed ? "armed" : "disarmed";
   setText(byId("armed"), said.armed ? (said.armed_here ? "ARMED" : "ARMED elsewhere") : said.arming ? "arming" : "disarmed");
   showPlots(said.run?.columns ?? []);

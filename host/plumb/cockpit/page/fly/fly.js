@@ -3,6 +3,7 @@
 import { byId, element, setText } from "./dom.js";
 import { Gauges } from "./gauges.js";
 import { Hands, stick } from "./hands.js";
+import { gone, showLight, trouble } from "./light.js";
 import { Link } from "./link.js";
 import { Scene, VIEWS } from "./scene.js";
 
@@ -40,17 +41,9 @@ function sendSticks(sticks) {
 
 // ---- what is shown ----
 
-function trouble(said) {
-  setText(byId("trouble"), said);
-  byId("trouble").hidden = !said;
-}
-
 function silent() {
   state = null;
-  document.querySelector("aside").inert = true;
-  trouble("plumb fly does not answer: it has ended, or hangs.");
-  byId("light").className = "off";
-  setText(byId("light-text"), "no connection");
+  gone("plumb fly does not answer: it has ended, or hangs.");
 }
 
 function showDrawing(said) {
@@ -101,8 +94,7 @@ function showState(said) {
   if (flight !== said.run) { flight = said.run; hands.switchRotors(false); scene?.begin(); }
   if (said.over && hands.on) hands.switchRotors(false);
   setText(byId("system"), said.system);
-  byId("light").className = said.light.colour;
-  setText(byId("light-text"), said.light.text);
+  showLight(said.light);
   chip("receiver", said.heard ? "receiver heard" : "receiver lost", said.heard ? "good" : "bad");
   chip("armed", said.armed ? "ARMED" : "disarmed", said.armed ? "armed" : "");
   const [text, kind] = hint(said), may = said.holds && !said.over;

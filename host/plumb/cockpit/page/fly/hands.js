@@ -2,6 +2,7 @@
 
 const SEND_MS = 20, KEY_SHARE = 0.55, KEY_PER_S = 5, DEAD = 0.08, MOST_CLIMB_MPS = 1.6, THROTTLE_PER_S = 0.4;
 const HEIGHT_PER_S2 = 2, CLIMB_PER_S = 2.6, SUM_PER_S3 = 0.5, G = 9.80665, GROUND_M = 0.05, AHEAD_M = 1.2;
+const LEAST_UPRIGHT = 0.1, LOW_THROTTLE = 0.06;
 const KEYS = {
   KeyW: ["up", 1], KeyS: ["up", -1], KeyA: ["yaw", 1], KeyD: ["yaw", -1],
   ArrowUp: ["pitch", 1], ArrowDown: ["pitch", -1], ArrowRight: ["roll", 1], ArrowLeft: ["roll", -1],
@@ -85,8 +86,9 @@ export class Hands {
     const low = this.wanted - z;
     this.sum = clamp(this.sum + low * seconds, -2, 2);
     const accel = HEIGHT_PER_S2 * low + CLIMB_PER_S * (up * MOST_CLIMB_MPS - climb) + SUM_PER_S3 * this.sum;
-    const [, x, y] = this.seen.attitude, upright = Math.max(1 - 2 * (x * x + y * y), 0.6);
-    return clamp(this.hover * (1 + 0.75 * clamp(accel, -5, 8) / G) / upright, 0.06, 0.9);
+    const [, x, y] = this.seen.attitude, upright = 1 - 2 * (x * x + y * y);
+    if (upright < LEAST_UPRIGHT) return LOW_THROTTLE;  // thrust to the side or down lifts nothing
+    return clamp(this.hover * (1 + 0.75 * clamp(accel, -5, 8) / G) / Math.max(upright, 0.6), LOW_THROTTLE, 0.9);
   }
 }
 
