@@ -44,12 +44,22 @@ def test_it_ends_by_itself_and_says_how_fast_it_was(tmp_path: Path, capsys: pyte
 
 
 @flies
+def test_the_simulated_chip_says_that_it_flies_and_how_fast(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["fly", "--board", "virtual", "--seconds", "0.5", "--json", "--out", str(tmp_path)]
+    assert front.main(command) == 0
+    flown = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert flown["board"] == "virtual" and flown["flights"] == 0 and flown["speed"] > 0.0
+
+
+@flies
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         (["--port", "70000"], "--port 70000"),
         (["--seconds", "0"], "--seconds 0"),
         (["--seed", "-1"], "seed is 0 or more"),
+        (["--image", "none.elf"], "--image is for board virtual"),
+        (["--board", "virtual", "--image", "none.elf"], "none.elf"),
         (["--out", "/dev/null"], "cannot record in /dev/null: /dev/null is no folder"),
         (["--out", "/proc/flights"], "cannot write /proc/flights/flight.plog"),
     ],

@@ -52,6 +52,21 @@ def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: 
     assert_every_curve_is_there(tmp_path / "flight.csv")
 
 
+@pytest.mark.slow
+def test_the_flash_image_flies_on_the_simulated_chip_in_steps_of_5_ms(tmp_path: Path) -> None:
+    bench = FlightBench(STEERED[0], tmp_path, board="virtual")
+    try:
+        bench.arm()
+        bench.turn(0.8, on=True, throttle=0.55)
+        state = bench.loop.state
+        assert bench.height_m > 0.3 and state["said"] == "flown" and state["system"] == f"{STEERED[0]} on virtual"
+        assert state["light"]["colour"] == "green"  # type: ignore[index]
+        assert bench.loop._capture is not None and 1300 < bench.loop._capture.steps < 1600, "7.3 s"
+        assert bench.loop.speed > 0.0
+    finally:
+        bench.loop.close()
+
+
 def assert_every_curve_is_there(table: Path) -> None:
     """PlotJuggler's layout draws columns of the CSV, and what it calculates from such."""
     (layout,) = LAYOUTS.glob(f"{STEERED[0]}.xml")

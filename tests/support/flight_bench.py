@@ -22,9 +22,9 @@ PILOT = 1
 class FlightBench:
     """wall_s: the clock of the transmitter, which the test alone moves."""
 
-    def __init__(self, system: str, folder: Path) -> None:
+    def __init__(self, system: str, folder: Path, board: str = "native") -> None:
         self.wall_s = 0.0
-        self.loop = FlightLoop(system, 1000, Hold(clock=lambda: 0.0), folder=folder, paced=False)
+        self.loop = FlightLoop(system, 1000, Hold(clock=lambda: 0.0), folder=folder, paced=False, board=board)
         self.loop.transmitter._clock = lambda: self.wall_s
         self.loop.hold.take(PILOT)
         self.loop._begin_or_join()

@@ -3,9 +3,11 @@
     plumb fly                                   prints an address, and flies there; --open opens it in the browser
     plumb fly --system quadrotor --seed 7       other errors of the sensors, another wind
     plumb fly --out flights                     where the records of the flights go (default: flights)
+    plumb fly --board virtual                   the flash image on the simulated chip flies, in steps of 5 ms
 
 The firmware, as built for this machine, flies the simulated vehicle in real time. The sticks of the page become CRSF
-bytes on the line of the board's radio receiver. A page that is closed, hidden or hangs is a receiver that is lost.
+bytes on the line of the board's radio receiver. A page that is closed, hidden or hangs is a receiver that is lost. The
+simulated chip takes more of this machine: a flight that is slower than real time says so, on the page and at the end.
 Every flight is recorded, and has a report; `plumb replay` gives the record back to the bit. Runs until Ctrl-C, or for
 --seconds. A second address watches. Nothing is fetched from a network.
 """
@@ -22,10 +24,13 @@ if TYPE_CHECKING:
     from plumb.cockpit.flight.flight_loop import FlightLoop
 
 PART = "steered"
+BOARDS = ("native", "virtual")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_system_with(parser, PART, "system that is flown")
+    parser.add_argument("--board", choices=BOARDS, default=BOARDS[0], help="what flies it (default: native)")
+    options.add_image(parser, "flash image of `virtual`")
     parser.add_argument("--port", type=int, default=0, metavar="N", help="port of the page (default: a free one)")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument(
@@ -40,11 +45,22 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.cli.cockpit import check_page
     from plumb.cockpit.flight.flight_loop import PICTURE_S, FlightLoop
     from plumb.cockpit.hold import Hold
+    from plumb.errors import UsageError
 
     check_page(arguments)
+    if arguments.image is not None and arguments.board != BOARDS[1]:
+        raise UsageError("--image is for board virtual: name it with --board, or leave --image out")
     system = options.system_with(arguments, PART)
     command = getattr(arguments, "command_line", "")
-    flight = FlightLoop(system, arguments.seed, Hold(PICTURE_S), folder=arguments.out, command=command)
+    flight = FlightLoop(
+        system,
+        arguments.seed,
+        Hold(PICTURE_S),
+        folder=arguments.out,
+        command=command,
+        board=arguments.board,
+        image=arguments.image,
+    )
     try:
         _serve(arguments, flight)
     finally:
@@ -78,8 +94,9 @@ def _tell(arguments: argparse.Namespace, flight: FlightLoop) -> None:
     speed = round(flight.speed, 2)
     reports = [str(path) for path in flight.reports]
     if arguments.json:
-        print(json.dumps({"flights": flight.flights, "speed": speed, "reports": reports}))
+        said = {"board": arguments.board, "flights": flight.flights, "speed": speed, "reports": reports}
+        print(json.dumps(said))
         return
-    print(f"{flight.flights} flights on the native board, at {speed:.0%} of real time")
+    print(f"{flight.flights} flights on the {arguments.board} board, at {speed:.0%} of real time")
     for report in reports:
         print(f"report: {report}")

@@ -115,7 +115,7 @@ class Steered(Protocol):
     def said(self, newest: Mapping[str, float], /) -> str:
         """Who steers, as one phrase, from the newest value of each column."""
 
-    def vehicle(self, seed: int, /) -> SteeredVehicle: ...
+    def vehicle(self, seed: int, /, *, period_us: int) -> SteeredVehicle: ...
 
 
 STEERED = Part[Steered]("steered", Steered, without="nobody steers it in the browser")

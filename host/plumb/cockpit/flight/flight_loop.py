@@ -9,13 +9,14 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from plumb import systems
 from plumb.boards.link import LinkBoard
-from plumb.boards.native_port import NativePort
 from plumb.cockpit.board_run import BoardRun
 from plumb.cockpit.flight.arming import in_the_way, why_disarmed
+from plumb.cockpit.flight.flown_boards import NATIVE, FlownBoard, flown_board
 from plumb.cockpit.flight.rivals import Rivals
 from plumb.cockpit.flight.transmitter import Sticks, Transmitter
 from plumb.cockpit.hold import Hold
@@ -25,7 +26,7 @@ from plumb.errors import PlumbError, UsageError
 from plumb.link.selection import raw_frames_of
 from plumb.link.session import Session
 from plumb.spec import declarations
-from plumb.systems.steered import STEERED, Event, SteeredVehicle
+from plumb.systems.steered import STEERED, Event, Steered, SteeredVehicle
 from plumb.tuning.quantise import quantise
 
 TURN_US = 5000
@@ -44,29 +45,43 @@ PICTURE_S = 1.0
 
 
 class _Vehicles:
-    """Puts the vehicle of each flight on the wires of the board."""
+    """Puts the vehicle of each flight on the pins of the board."""
 
-    def __init__(self, system: str, seed: int) -> None:
-        self._steered, self._seed = systems.load(system, STEERED), seed
-        self.vehicle: SteeredVehicle = self._steered.vehicle(seed)
+    def __init__(self, steered: Steered, seed: int, flown: FlownBoard) -> None:
+        self._steered, self._seed, self._flown = steered, seed, flown
+        self.vehicle = self._drawn()
 
-    def attach(self, board: LinkBoard) -> None:
-        assert isinstance(board, NativePort)
-        self.vehicle = self._steered.vehicle(self._seed)
-        board.served.attach(self.vehicle)
+    def _drawn(self) -> SteeredVehicle:
+        return self._steered.vehicle(self._seed, period_us=self._flown.period_us)
+
+    def attach(self, _board: LinkBoard) -> None:
+        self.vehicle = self._drawn()
+        self._flown.attach(self.vehicle)
 
 
 class FlightLoop(BoardRun):
     """Flights of one system. Other threads call `hear`, `order` and `stop`, and read `scene`, `state` and `notes`.
 
-    paced: hold the flight back to real time; without it, it is as fast as the machine. flights: that have been armed.
+    board: native, or virtual with this flash image. paced: hold the flight back to real time; without it, it is as
+    fast as the machine. flights: that have been armed.
     """
 
     def __init__(
-        self, system: str, seed: int, hold: Hold, *, folder: Path, command: str = "", paced: bool = True
+        self,
+        system: str,
+        seed: int,
+        hold: Hold,
+        *,
+        folder: Path,
+        command: str = "",
+        paced: bool = True,
+        board: str = NATIVE,
+        image: Path | None = None,
     ) -> None:
-        self._steered, self._vehicles = systems.load(system, STEERED), _Vehicles(system, seed)
+        self._steered = systems.load(system, STEERED)
         self.transmitter = Transmitter()
+        self._flown = flown_board(board, system, self.transmitter.frames, image)
+        self._vehicles = _Vehicles(self._steered, seed, self._flown)
         self.scene: dict[str, object] = {}
         self.state: dict[str, object] = {}
         self.flights = 0
@@ -75,22 +90,18 @@ class FlightLoop(BoardRun):
         self._begun_s = self._stated_s = 0.0
         self._rests_s: float | None = None
         self._flew = self._over = self._closed = False
-        board = NativePort(system, None)
-        self._uart = board.uart
-        board.mcu.wires.uart_in_byte_ns = board.mcu.wires.uart_out_byte_ns = 0  # a loop in memory
-        board.served.radio = self.transmitter.frames
-        params = quantise(self._steered.TUNING)
-        self._period_us = round(params.period_s * 1e6)
+        self._period_us = self._flown.period_us
+        params = quantise(replace(self._steered.TUNING, period_us=self._period_us))
         self._rivals = Rivals(self._steered, self._period_us)
-        board.session.upload(
-            params.words(),
+        self._flown.configure(
+            params,
             **params.link_words(),
             **systems.load(system).LINK,
             period_us=self._period_us,
             receiver=1,
             arm_hold_ms=0,  # the simulated speed controllers need no arming pulse
         )
-        super().__init__(board, hold, folder, self._vehicles, watch=False, command=command)
+        super().__init__(self._flown.board, hold, folder, self._vehicles, watch=False, command=command)
 
     # ---- called by other threads ----
 
@@ -134,7 +145,7 @@ class FlightLoop(BoardRun):
         begin_s, wall_s = self._session.clock(), time.monotonic()
         settled = begin_s - self._begun_s > self._steered.SETTLED_S
         self._obey()
-        self._uart.pass_us(TURN_US)  # in one piece; a wait for the first frame would look at the line every 100 us
+        self._flown.pass_us(TURN_US)  # in one piece; a wait for the first frame would look at the line every 100 us
         self._session.receive(0.0)
         self._follow()
         if self._over:
@@ -270,7 +281,7 @@ class FlightLoop(BoardRun):
         on = list(self._vehicles.vehicle.happening())
         return {
             "board": self.board.name,
-            "system": self._session.system,
+            "system": self._session.system + ("" if self.board.name == NATIVE else f" on {self.board.name}"),
             "light": {"colour": light.colour, "text": light.text},
             "armed": self._armed,
             "why": self._why,

@@ -67,8 +67,8 @@ DRAWING = Drawing(
 class Vehicle(QuadrotorPlant):
     """The vehicle of one flight."""
 
-    def __init__(self, seed: int) -> None:
-        drawn = scenarios.scenario("take-off", seed, seconds=NOISE_S)
+    def __init__(self, seed: int, period_us: int) -> None:
+        drawn = scenarios.scenario("take-off", seed, seconds=NOISE_S, period_us=period_us)
         super().__init__(replace(drawn, course=AIRFIELD))
         self._ends_s: dict[str, float] = {}
         self._motors: tuple[float, ...] = (0.0,) * len(DRAWING.motors)
@@ -108,8 +108,8 @@ class Vehicle(QuadrotorPlant):
         return bool(still) and not any(self._motors)
 
 
-def vehicle(seed: int) -> Vehicle:
-    return Vehicle(seed)
+def vehicle(seed: int, /, *, period_us: int = TUNING.period_us) -> Vehicle:
+    return Vehicle(seed, period_us)
 
 
 def said(newest: Mapping[str, float]) -> str:
