@@ -1,7 +1,7 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
 .PHONY: help demo setup test confirm-campaigns test-fast test-long test-times pytest release-trial image images libraries native c-tests sanitize fuzz size check-style \
-    lint-workflows format generate docs wheel summary clean
+    lint-workflows format generate docs film wheel summary clean
 .DEFAULT_GOAL := help
 
 VENV := .venv/bin
@@ -165,6 +165,9 @@ docs: ## the documentation site, in out/site
 	@tools/setup.sh docs
 	NO_MKDOCS_2_WARNING=1 $(VENV)/mkdocs build --strict
 	@echo 'pages: out/site/index.html; with search: python3 -m http.server --bind 127.0.0.1 --directory out/site 8000'
+
+film: native ## docs/images/flight.webp, the film of README: takes minutes; needs Chromium
+	$(VENV)/python tools/gen_film.py
 
 clean: ## remove all that was built
 	rm -rf build out dist host/plumb/images host/plumb/built.json
