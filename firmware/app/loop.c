@@ -42,14 +42,17 @@ static void receive(uint32_t now_us) {
 }
 
 #if USED_RECEIVER
-/* Passes the bytes of the receiver to the session. */
+/* Passes the bytes and the edges of the receiver to the session. */
 static void receive_sticks(uint32_t now_us) {
     uint8_t bytes[32];
+    uint16_t stamps_us[16];
     size_t count;
     do {
         count = board_receiver_read(bytes, sizeof bytes);
         session_receive_sticks(&session, bytes, count, now_us);
     } while (count == sizeof bytes);
+    count = board_receiver_edges(stamps_us, sizeof stamps_us / sizeof stamps_us[0]);
+    session_receive_edges(&session, stamps_us, count, now_us);
 }
 #endif
 

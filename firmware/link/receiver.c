@@ -6,30 +6,31 @@
 #define STICK_WHOLE  1639
 #define SWITCH_OFF   792 /* 1375 us of a pulse */
 #define SWITCH_ON    1192
+#define PULSE_OFFSET 1408  /* 8 / 5 of a pulse in us less this is the channel: 1500 us is the middle */
 #define GESTURE_LOW  1638  /* of the throttle: 5 % */
 #define GESTURE_YAW  29491 /* 90 % */
 
-enum { ROLL, PITCH, THROTTLE, YAW, SWITCHES }; /* channels */
+enum { ROLL, PITCH, THROTTLE, YAW, SWITCHES, USED = SWITCHES + RECEIVER_SWITCHES }; /* channels */
 enum { WORD_ROLL, WORD_PITCH, WORD_YAW, WORD_SWITCHES, WORD_RECEIVER };
 
 static int32_t within(int32_t value, int32_t least, int32_t most) {
     return value < least ? least : value > most ? most : value;
 }
 
-static int16_t stick_of(const crsf_t *c, unsigned channel) {
-    const int32_t away = crsf_channel(c, channel) - STICK_MIDDLE;
+static int16_t stick_of(int32_t channel) {
+    const int32_t away = channel - STICK_MIDDLE;
 
     return (int16_t)(within(away, -STICK_SPAN, STICK_SPAN) * INT16_MAX / STICK_SPAN);
 }
 
-static int16_t throttle_of(const crsf_t *c) {
-    const int32_t up = crsf_channel(c, THROTTLE) - STICK_MIN;
+static int16_t throttle_of(int32_t channel) {
+    const int32_t up = channel - STICK_MIN;
 
     return (int16_t)(within(up, 0, STICK_WHOLE) * INT16_MAX / STICK_WHOLE);
 }
 
 /* A frame between the two positions asks for the present one. */
-static void follow_switch(receiver_t *r, unsigned number, uint16_t channel) {
+static void follow_switch(receiver_t *r, unsigned number, int32_t channel) {
     const int bit = 1 << number;
     const bool on = (r->words[WORD_SWITCHES] & bit) != 0;
     const bool turns = on ? channel < SWITCH_OFF : channel > SWITCH_ON;
@@ -54,20 +55,35 @@ static void follow_gesture(receiver_t *r, uint32_t now_us) {
     }
 }
 
-static void take_sticks(receiver_t *r, const crsf_t *c, uint32_t now_us) {
-    r->throttle_q15 = throttle_of(c);
-    r->words[WORD_ROLL] = stick_of(c, ROLL);
-    r->words[WORD_PITCH] = stick_of(c, PITCH);
-    r->words[WORD_YAW] = (int16_t)-stick_of(c, YAW);
+static void take_sticks(receiver_t *r, const int16_t channels[USED], uint32_t now_us) {
+    r->throttle_q15 = throttle_of(channels[THROTTLE]);
+    r->words[WORD_ROLL] = stick_of(channels[ROLL]);
+    r->words[WORD_PITCH] = stick_of(channels[PITCH]);
+    r->words[WORD_YAW] = (int16_t)-stick_of(channels[YAW]);
     if (r->by_sticks) {
         follow_gesture(r, now_us);
     }
     for (unsigned i = r->by_sticks ? 1U : 0U; i < RECEIVER_SWITCHES; i++) {
-        follow_switch(r, i, crsf_channel(c, SWITCHES + i));
+        follow_switch(r, i, channels[SWITCHES + i]);
     }
-    const bool off = !receiver_rotors_on(r) && (r->by_sticks || crsf_channel(c, SWITCHES) < SWITCH_OFF);
+    const bool off = !receiver_rotors_on(r) && (r->by_sticks || channels[SWITCHES] < SWITCH_OFF);
 
     r->off = (uint8_t)(!off ? 0U : r->off < RECEIVER_EQUAL ? r->off + 1U : r->off);
+}
+
+static void tell(receiver_t *r) {
+    r->words[WORD_RECEIVER] = (int16_t)(r->number + (r->lost ? RECEIVER_LOST : 0));
+}
+
+/* Handle a frame with these channels. */
+static void take_frame(receiver_t *r, const int16_t channels[USED], uint32_t now_us) {
+    r->number = (uint8_t)(r->number % UINT8_MAX + 1U);
+    if (!r->lost) {
+        take_sticks(r, channels, now_us);
+    }
+    r->heard_us = now_us;
+    r->silent = false;
+    tell(r);
 }
 
 bool receiver_rotors_on(const receiver_t *r) {
@@ -88,22 +104,32 @@ bool receiver_heard(receiver_t *r, uint32_t now_us) {
 }
 
 void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count, uint32_t now_us) {
+    int16_t channels[USED];
+
     for (size_t i = 0; i < count; i++) {
         switch (crsf_push(c, bytes[i])) {
         case CRSF_STICKS:
-            r->number = (uint8_t)(r->number % UINT8_MAX + 1U);
-            if (!r->lost) {
-                take_sticks(r, c, now_us);
+            for (unsigned k = 0; k < USED; k++) {
+                channels[k] = (int16_t)crsf_channel(c, k);
             }
-            r->heard_us = now_us;
-            r->silent = false;
+            take_frame(r, channels, now_us);
             break;
         case CRSF_STATISTICS:
             r->lost = crsf_link_quality(c) == 0U;
+            tell(r);
             break;
         case CRSF_NOTHING:
-            continue;
+            break;
         }
-        r->words[WORD_RECEIVER] = (int16_t)(r->number + (r->lost ? RECEIVER_LOST : 0));
     }
+}
+
+void receiver_pulses(receiver_t *r, const uint16_t pulse_us[PPM_CHANNELS], uint32_t now_us) {
+    int16_t channels[USED];
+
+    for (unsigned k = 0; k < USED; k++) {
+        channels[k] = (int16_t)((int32_t)(8U * pulse_us[k] / 5U) - PULSE_OFFSET);
+    }
+    r->lost = pulse_us[THROTTLE] < RECEIVER_LOST_US;
+    take_frame(r, channels, now_us);
 }

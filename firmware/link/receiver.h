@@ -16,6 +16,9 @@
  * moves nothing. How long ago the last frame came is counted within the step, from the number of the frame;
  * what may be armed asks receiver_heard(), which knows the time.
  *
+ * Of a pulse train 988, 1500 and 2012 us are what 172, 992 and 1811 are of CRSF, and the link quality is 0
+ * while the throttle is below RECEIVER_LOST_US.
+ *
  * With `by_sticks` the sticks switch the rotors in place of channel 5: throttle low, and yaw at its right end
  * for RECEIVER_GESTURE_US, is on; at its left end, off.
  */
@@ -23,6 +26,7 @@
 #define PLUMB_LINK_RECEIVER_H
 
 #include "crsf.h"
+#include "ppm.h"
 #include <stdbool.h>
 
 #define RECEIVER_EQUAL    3U
@@ -33,7 +37,9 @@
 #define RECEIVER_MODE_RATE 2
 #define RECEIVER_LOST      256 /* added to the number of the newest frame */
 
-#define RECEIVER_BY_STICKS 2U /* value of the parameter `receiver` */
+/* The parameter `receiver`: 0 none, 1 and 2 CRSF, from here on PPM; where it is even the sticks switch. */
+#define RECEIVER_PPM     3U
+#define RECEIVER_LOST_US 950U /* throttle of a pulse train below which the receiver says that it is lost */
 
 #define RECEIVER_SILENCE_US 100000U  /* without a frame for so long it is lost */
 #define RECEIVER_GESTURE_US 1000000U /* that sticks are held to switch the rotors */
@@ -54,6 +60,9 @@ typedef struct {
 
 /* Handle bytes of the line, which came until now. */
 void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count, uint32_t now_us);
+
+/* Handle a frame of a pulse train, which has ended now. */
+void receiver_pulses(receiver_t *r, const uint16_t pulse_us[PPM_CHANNELS], uint32_t now_us);
 
 /* True while frames come and the receiver hears the transmitter. Call on every turn of the loop: it sees the
  * silence. */

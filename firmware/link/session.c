@@ -109,8 +109,16 @@ void session_link_lost(session_t *s, link_t link, uint16_t cause) {
 
 #if USED_RECEIVER
 void session_receive_sticks(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us) {
-    s->receiver.by_sticks = s->params->receiver == RECEIVER_BY_STICKS;
-    receiver_push(&s->receiver, &s->buffers->crsf, bytes, count, now_us);
+    s->receiver.by_sticks = s->params->receiver % 2U == 0U;
+    if (s->params->receiver < RECEIVER_PPM) {
+        receiver_push(&s->receiver, &s->buffers->crsf, bytes, count, now_us);
+    }
+}
+
+void session_receive_edges(session_t *s, const uint16_t *stamps_us, size_t count, uint32_t now_us) {
+    if (ppm_follow(&s->buffers->ppm, stamps_us, count, now_us) && s->params->receiver >= RECEIVER_PPM) {
+        receiver_pulses(&s->receiver, s->buffers->ppm.pulse_us, now_us);
+    }
 }
 
 /* The sticks of a run in real time are the receiver's. */
@@ -310,9 +318,10 @@ void session_apply_staged(session_t *s) {
         control_retune(s->control, &s->params->control, &s->staging.table->control);
     }
     const bool piloted = has_receiver(s);
+    const uint32_t receiver = s->params->receiver;
 
     staging_apply(&s->staging, s->params, session_armed(s));
-    if (has_receiver(s) != piloted) {
+    if (has_receiver(s) != piloted || s->params->receiver != receiver) {
         /* a pilot's from now on, or the board's */
         arming_switch_unread(&s->arming);
     }

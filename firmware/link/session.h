@@ -18,7 +18,7 @@
  *
  *     requests_receive()        bytes of the UART, at most requests_room()
  *     requests_receive_frame()  frames of CAN, while requests_frame_room()
- *     session_receive_sticks()  bytes of the receiver, where an image has one
+ *     session_receive_sticks(), session_receive_edges()  lines of the receiver, where an image has one
  *     session_report()          the state of the board
  *     session_poll()            may disarm
  *     session_take_orders()     orders to the board
@@ -58,6 +58,7 @@ typedef struct {
     status_news_t news[LINKS];
 #if USED_RECEIVER
     crsf_t crsf;
+    ppm_t ppm;
 #endif
 } session_buffers_t;
 
@@ -136,6 +137,10 @@ void session_report(session_t *s, const session_report_t *report, uint32_t now_u
  * `receiver` is not 0, they set setpoint and commands, and no host does. Its switch arms (follow_pilot()).
  */
 void session_receive_sticks(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us);
+
+/* The same for the edges of its pulse train (ppm.h), also when none have come. Only one of the two counts, by
+ * the parameter. */
+void session_receive_edges(session_t *s, const uint16_t *stamps_us, size_t count, uint32_t now_us);
 #endif
 
 /* True while a pilot's switch holds the board armed. Then no host ends or begins a run, the link of a host

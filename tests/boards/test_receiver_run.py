@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from plumb.boards.native_mcu import NativeMcu
+from plumb.boards.pulse_train import on_native, on_pin
+from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.flash.elf import Elf
 from plumb.link.lockstep import Lockstep
 from plumb.link.realtime import Capture
@@ -38,6 +40,7 @@ READY_S = 1.1
 """At rest: the tilt is sure by then, and rotors may be switched on."""
 LATE, OVERRUN = 0x0002, 0x0200
 """Of the board's faults."""
+CAPTURE_IRQ = 27
 BYTE_S = 10 / crsf.BAUD
 
 
@@ -167,6 +170,35 @@ def test_a_silent_receiver_is_lost_after_100_ms_and_one_that_says_so_at_once(fli
     replayed(flight.capture)
 
 
+@pytest.fixture(params=BOARDS, ids=["native", "virtual"])
+def by_pulses(request: pytest.FixtureRequest) -> Flight:
+    """A board whose receiver has a pulse train."""
+    made: Flight = request.param()
+    made.receive = (on_native if isinstance(made.board, NativeMcu) else on_pin)(made.board).receive
+    return made
+
+
+def test_a_flight_by_pulses_replays_to_the_bit_and_a_receiver_that_is_lost_stops_it(by_pulses: Flight) -> None:
+    flight = by_pulses
+    flight.begin(receiver=3)
+    flight.fly(READY_S, crsf.sticks())
+    flight.fly(0.1, crsf.sticks(on=True))
+    flight.fly(0.06, crsf.sticks(throttle=0.5, roll=1.0, pitch=-0.5, yaw=0.25, on=True, rate=True))
+    flight.fly(0.08, crsf.sticks(throttle=0.5, roll=1.0, pitch=-0.5, yaw=0.25, on=True, rate=True))
+    commands, throttle, flags, phase = flight.newest()
+    wanted = [16383, 32767, -16383, 8191]
+    assert all(abs(one - other) < 90 for one, other in zip([throttle, *commands[:3]], wanted, strict=True)), commands
+    assert commands[3] == 3 and phase == FLOWN and flags & FLIES_FLAG
+    flight.fly(0.05, crsf.sticks(throttle=0.5, on=True, rate=True) + crsf.statistics(0))
+    assert flight.newest()[0][4] & 256 and flight.newest()[2] & LOST_FLAG
+    flight.fly(0.05, crsf.sticks(throttle=0.5, on=True, rate=True) + crsf.statistics(100))
+    flight.fly(0.15, b"")
+    commands, _, flags, _ = flight.newest()
+    assert flags & LOST_FLAG and not commands[4] & 256
+    flight.session.end()
+    replayed(flight.capture)
+
+
 def refusals(flight: Flight) -> list[tuple[int, int]]:
     """Reasons of the NACKs of setpoints, from here on."""
     nack = protocol()["NACK"]
@@ -283,6 +315,47 @@ def test_no_handler_keeps_a_byte_waiting_until_the_next_one_comes() -> None:
     flight.fly(0.3, b"")
     assert longest[39] < 1.0 and len(longest) > 5
     assert max(longest.values()) < 20.0
+
+
+def test_noise_at_the_pulse_input_makes_no_frames_and_nothing_late() -> None:
+    """An edge every 16 us, nearly the fastest that pass the filter of 7.1 us, and faster ones, which do not."""
+    flight = virtual()
+    machine = flight.board
+    flight.begin(receiver=3)
+    flight.fly(0.1, b"")
+    longest = [0.0]
+    enter, leave, begun = machine.nvic.enter, machine.nvic.leave, [(0, 0.0)]
+
+    def entered(number: int) -> None:
+        begun.append((number, machine.now_us))
+        enter(number)
+
+    def left() -> int:
+        number, begin_us = begun.pop()
+        if number == 16 + CAPTURE_IRQ:
+            longest.append(machine.now_us - begin_us)
+        return int(leave())
+
+    def noise(half_us: float) -> None:
+        def toggle(time: int) -> None:
+            machine.drive("PA8", not machine.pin("PA8"))
+            machine.timeline.at("noise", time + round(half_us * TICKS_PER_US), toggle)
+
+        machine.timeline.at("noise", machine.now + TICKS_PER_US, toggle)
+
+    machine.nvic.enter, machine.nvic.leave = entered, left
+    steps = flight.capture.steps
+    noise(8.0)
+    flight.fly(0.1, b"")
+    assert 6000 < len(longest) <= 6400 and max(longest) < 1.0
+    noise(6.5)
+    flight.fly(0.02, b"")
+    edges = len(longest)
+    flight.fly(0.05, b"")
+    assert len(longest) == edges
+    assert 66 <= flight.capture.steps - steps <= 69
+    assert flight.newest()[0][4] == 0
+    assert not flight.session.connect()["FAULTS"] & (LATE | OVERRUN) and machine.warnings == []
 
 
 def test_a_loop_that_stands_still_loses_the_bytes_behind_the_first_128() -> None:

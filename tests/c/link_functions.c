@@ -20,6 +20,7 @@ uint32_t injected_first_doubt(const uint32_t words[PARAMS_COUNT], const int16_t 
                               uint32_t steps);
 
 size_t receiver_follow(const uint8_t *bytes, size_t count, receiver_row_t *rows);
+size_t pulses_follow(const uint32_t *edges_us, size_t count, uint32_t turn_us, receiver_row_t *rows);
 
 /* Memory is not checked here. */
 void board_parameters_seal(void) {}
@@ -107,6 +108,37 @@ size_t receiver_follow(const uint8_t *bytes, size_t count, receiver_row_t *rows)
             row->channels[k] = crsf_channel(&same, k);
         }
         row->link_quality = kind == CRSF_STATISTICS ? crsf_link_quality(&same) : 0;
+    }
+    return found;
+}
+
+/* A row for each frame that is found in a pulse train, by a loop that comes round every turn_us; end: the
+ * number of edges up to there. */
+size_t pulses_follow(const uint32_t *edges_us, size_t count, uint32_t turn_us, receiver_row_t *rows) {
+    receiver_t r = {0};
+    ppm_t p = {0};
+    size_t found = 0, at = 0;
+    const uint32_t end_us = (count > 0U ? edges_us[count - 1U] : 0U) + 2U * PPM_PAUSE_US + turn_us;
+
+    for (uint32_t now_us = 0; now_us < end_us; now_us += turn_us) {
+        uint16_t stamps_us[32];
+        size_t fetched = 0;
+
+        while (at < count && edges_us[at] <= now_us && fetched < sizeof stamps_us / sizeof stamps_us[0]) {
+            stamps_us[fetched++] = (uint16_t)edges_us[at++];
+        }
+        if (!ppm_follow(&p, stamps_us, fetched, now_us)) {
+            continue;
+        }
+        receiver_pulses(&r, p.pulse_us, now_us);
+        receiver_row_t *const row = &rows[found++];
+        *row = (receiver_row_t){.end = (int32_t)at, .throttle_q15 = r.throttle_q15};
+        for (unsigned k = 0; k < RECEIVER_WORDS; k++) {
+            row->words[k] = r.words[k];
+        }
+        for (unsigned k = 0; k < PPM_CHANNELS; k++) {
+            row->channels[k] = p.pulse_us[k];
+        }
     }
     return found;
 }

@@ -72,6 +72,8 @@ class Port(Block):
         self.outside[pin] = level
         if (self.name, pin) in HALL_PINS:
             self.chip.tim2.hall_edge()
+        if (self.name, pin) == ("A", 8):
+            self.chip.tim1.input_edge(level)
         self.chip.tim1.look_at_break()
 
     def read_IDR(self) -> int:

@@ -16,7 +16,7 @@ from plumb.link.realtime import Capture
 from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
 from plumb.physics.motor import FORWARD
-from plumb.spec import crsf
+from plumb.spec import crsf, ppm
 from plumb.systems.run_fixed import run_control
 from plumb.tuning.quantise import ControlParams, quantise
 from second_chip import Chip
@@ -157,6 +157,29 @@ def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(image: bytes, connect_
     assert inputs[-1, 6:].tolist() == [32767, 0, 0, 1, 3, 0] and throttles[-1] == 16393
     expected = run_control(params, inputs, throttles).digests()
     assert expected.tolist() == [capture.digest[step] for step in range(steps)]
+
+
+def test_the_edges_at_pa8_are_the_sticks_of_a_step(image: bytes, connect_uart: Connect) -> None:
+    chip, both = Chip(image), Mpu6050()
+    chip.ports["B"].outside |= {4: 0}
+    chip.i2c.slaves = {both.ADDRESS: both}
+    chip.run(START_S)
+    session = connect_uart(chip)
+    module = systems.load("quadrotor")
+    session.upload(quantise(module.TUNINGS[module.DEFAULT_TUNING]).words(), period_us=2500, accel_bus=2, receiver=3)
+    session.begin("REALTIME_LIVE", frames=RAW_FRAMES[:4])
+    capture = Capture(session, raw_frames=set(RAW_FRAMES[:4]))
+    session.listener = capture.feed
+    for widths in ([1500, 1500, 988, 1500], [2012, 988, 1500, 988], [2012, 988, 1500, 988, 2012, 700]):
+        for edge in ppm.edges_us(widths + [1500] * (8 - len(widths))):
+            for later, level in ((0, 1), (300, 0), (400, 1), (403, 0)):  # the last two: shorter than the filter
+                chip.after_us(edge + later, partial(chip.ports["A"].drive, 8, level))
+        listen(session, 0.03)
+    inputs = [capture.raw[step][6:] for step in sorted(capture.raw)]
+    assert [row[4] for row in inputs if row[4]][-1] == 2, "the third is no frame"
+    rest, moved = ([row for row in inputs if row[4] == number][-1] for number in (1, 2))
+    assert all(abs(one) <= 100 for one in rest[:3])
+    assert all(abs(one - other) <= 100 for one, other in zip(moved[:3], (32767, -32767, 32767), strict=True)), moved
 
 
 def test_the_volts_at_pb0_and_pb1_are_those_of_the_battery(image: bytes, connect_uart: Connect) -> None:

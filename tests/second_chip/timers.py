@@ -10,7 +10,10 @@ from second_chip.clocks import UNITS_HZ
 if TYPE_CHECKING:
     from second_chip.chip import Chip
 
-UIF, CC1IF, BIF = 1, 1 << 1, 1 << 7
+UIF, CC1IF, BIF, CC1OF = 1, 1 << 1, 1 << 7, 1 << 9
+CAPTURE_IRQ = 27
+FILTER = {0: (1, 1), 3: (1, 8), 15: (32, 8)}
+"""IC1F -> divider of the sampling clock, equal samples; those that a test has used."""
 FIRST_IRQ = {2: 28, 3: 29, 4: 30}
 COMMON = {
     0x00: ("CR1", 0, 0x3FF),
@@ -184,6 +187,39 @@ class AdvancedTimer(Timer):
     def reset(self) -> None:
         super().reset()
         self.modes = self.enables = 0
+        self._ti1 = 0
+        self._looks = getattr(self, "_looks", 0) + 1
+
+    # ---- input capture of channel 1 (14.3.6) ----
+
+    def input_edge(self, level: int) -> None:
+        """PA8 has another level: it counts when it lasts for the samples of the filter (14.4.7, IC1F)."""
+        self._looks += 1
+        look = self._looks
+        divider, samples = FILTER[self.bit("CCMR1", 4, 4)]
+        sampling = self.chip.rcc.timer2() << self.bit("CR1", 8, 2)
+        self.chip.after(sampling * divider * samples, lambda: self._filtered(level, look))
+
+    def _filtered(self, level: int, look: int) -> None:
+        if look != self._looks or level == self._ti1:
+            return
+        self._ti1 = level
+        captures = self.clocked() and self.bit("CCMR1", 0, 2) == 1 and self.bit("CCER", 0, 2) == 1
+        if level and captures and self.bit("CR1", 0):
+            self.value["CCR1"] = self.read_CNT()
+            self.value["SR"] |= CC1IF | (CC1OF if self.value["SR"] & CC1IF else 0)
+            self._raise()
+
+    def read_CCR1(self) -> int:
+        if self.bit("CCMR1", 0, 2):
+            self.value["SR"] &= ~CC1IF
+            self._raise()
+        return self.value["CCR1"]
+
+    def _raise(self) -> None:
+        self.chip.nvic.line(CAPTURE_IRQ, self.value["SR"] & self.value["DIER"] & CC1IF != 0)
+
+    # ---- bridge ----
 
     def _cycle(self) -> int:
         centred = 2 if self.bit("CR1", 5, 2) else 1  # up and down again

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from plumb import systems
 from plumb.link.identity import NOT_READY, disarmed_text
 from plumb.link.session import Session
@@ -28,6 +30,7 @@ class Field:
     def __init__(self, sends: bytes = OFF, **words: int) -> None:
         self.board, self.feels, self.sends, self._number = NativeBoard(), LEVEL, sends, 0
         self.frame_s = FRAME_S
+        self.transmit: Callable[[bytes], object] = self.board.mcu.receiver_send
         self.board.wires.strap = PINS_QUADROTOR
         self.board.wires.receiver_byte_ns = round(1e10 / crsf.BAUD)
         self.board.sensors(LEVEL)
@@ -49,7 +52,7 @@ class Field:
     def passes(self, seconds: float) -> None:
         for _ in range(round(seconds / PERIOD_S)):
             if self._number % round(self.frame_s / PERIOD_S) == 0:
-                self.board.mcu.receiver_send(self.sends)
+                self.transmit(self.sends)
             self._number += 1
             self.board.sensors(with_noise(self.feels, self._number, 6), self.board.wires.faults)
             if self.listens:

@@ -4,7 +4,9 @@ same by the firmware's C."""
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from plumb.spec.crsf import LOW, MIDDLE, STATISTICS, STICKS, SYNC, crc8
 from support import link_functions
@@ -65,6 +67,35 @@ def frames_in(stream: bytes) -> list[tuple[int, bytes]]:
 
 def _toward_zero(number: int, by: int) -> int:
     return abs(number) // by * (1 if number >= 0 else -1)
+
+
+def pulses_by_firmware(edges_us: Sequence[int], turn_us: int = 1000) -> list[Row]:
+    """A row for each frame that the firmware finds in a pulse train; kind 0."""
+    rows = (_Row * (len(edges_us) // 9 + 1))()
+    stamps = (ctypes.c_uint32 * len(edges_us))(*edges_us)
+    count = link_functions.library().pulses_follow(
+        stamps, ctypes.c_size_t(len(edges_us)), ctypes.c_uint32(turn_us), rows
+    )
+    return [Row(row.end, 0, tuple(row.words), tuple(row.channels)[:8]) for row in rows[:count]]
+
+
+def pulses_by_twin(edges_us: Sequence[int]) -> list[Row]:
+    """The same rows, by this module. Edges with less than 3 ms between them are one frame; more than 5 ms are a pause,
+    and what is between the two depends on the loop."""
+    pilot, rows, begin = _Pilot(), [], 0
+    for end in range(1, len(edges_us) + 1):
+        if end < len(edges_us) and edges_us[end] - edges_us[end - 1] < 3000:
+            continue
+        widths = [later - sooner for sooner, later in pairwise(edges_us[begin:end])]
+        begin = end
+        if len(widths) != 8 or not all(750 <= width <= 2250 for width in widths):
+            continue
+        pilot.lost = widths[2] < 950
+        pilot.number = pilot.number % 255 + 1
+        if not pilot.lost:
+            pilot.take(tuple(width * 8 // 5 - 1408 for width in widths))
+        rows.append(Row(end, 0, pilot.words(), tuple(widths)))
+    return rows
 
 
 class _Pilot:

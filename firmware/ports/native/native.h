@@ -113,6 +113,10 @@ size_t native_uart_receive(uint8_t *bytes, size_t room);
 /* Bytes of the receiver; returns how many the line took. The board hears them in pin set `quadrotor`. */
 size_t native_receiver_send(const uint8_t *bytes, size_t count);
 
+/* A rising edge of the receiver's pulse train at that time of the board, not before the edges so far; returns
+ * how many the line took. */
+size_t native_receiver_edge(uint64_t at_us);
+
 /* Frames to the board, false when the bus has no room; frames from the board, false when there is none. */
 bool native_can_send(const native_frame_t *frame);
 bool native_can_receive(native_frame_t *frame);

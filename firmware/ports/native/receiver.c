@@ -1,4 +1,4 @@
-/* The line of the receiver: the bytes on it, and the board's ring, with the size of
+/* The lines of the receiver: the bytes on one, edges on the other, and the board's ring, with the size of
  * ports/stm32f103/receiver_uart.c. Nothing on it wakes the loop, so what has passed is looked at when the
  * loop reads. */
 #include "app/board_receiver.h"
@@ -7,18 +7,28 @@
 #define LINE_BYTES 4096u
 #define RX_BYTES   128u
 #define ERRORS_MAX 255u
+#define LINE_EDGES 1024u
+#define EDGES      32u
 
 static uint8_t line[LINE_BYTES], ring[RX_BYTES];
 static uint32_t line_in, line_out, ring_in, ring_out; /* free-running counts */
 static uint64_t byte_ns;                              /* when the byte under way has passed */
 static uint32_t errors;
+/* Edges of the pulse train: when each comes, in us of the board, and the ring of
+ * ports/stm32f103/ppm_capture.c. */
+static uint64_t pulses_us[LINE_EDGES];
+static uint32_t pulses_in, pulses_out;
+static uint16_t edges[EDGES];
+static uint32_t edges_in, edges_out;
 
 void receiver_reset(void) {
     ring_in = ring_out = errors = 0u;
+    edges_in = edges_out = 0u;
 }
 
 void receiver_unplug(void) {
     line_in = line_out = 0u;
+    pulses_in = pulses_out = 0u;
 }
 
 uint32_t receiver_errors(void) {
@@ -61,6 +71,28 @@ size_t board_receiver_read(uint8_t *bytes, size_t room) {
     advance();
     while (count < room && ring_out != ring_in) {
         bytes[count++] = ring[ring_out++ % RX_BYTES];
+    }
+    return count;
+}
+
+size_t native_receiver_edge(uint64_t at_us) {
+    const bool room = pulses_in - pulses_out < LINE_EDGES;
+    if (room) {
+        pulses_us[pulses_in++ % LINE_EDGES] = at_us;
+    }
+    return room ? 1u : 0u;
+}
+
+size_t board_receiver_edges(uint16_t *stamps_us, size_t room) {
+    size_t count = 0u;
+    while (pulses_in != pulses_out && pulses_us[pulses_out % LINE_EDGES] * NS_PER_US <= port_now_ns()) {
+        const uint64_t at_us = pulses_us[pulses_out++ % LINE_EDGES];
+        if (port.identity.pins == BOARD_PINS_QUADROTOR && edges_in - edges_out < EDGES) {
+            edges[edges_in++ % EDGES] = (uint16_t)at_us;
+        }
+    }
+    while (count < room && edges_out != edges_in) {
+        stamps_us[count++] = edges[edges_out++ % EDGES];
     }
     return count;
 }

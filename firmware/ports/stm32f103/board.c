@@ -16,6 +16,7 @@
 #include "i2c.h"
 #include "linker.h"
 #include "pins.h"
+#include "ppm_capture.h"
 #include "pwm.h"
 #include "receiver_uart.h"
 #include "samples.h"
@@ -87,6 +88,7 @@ void board_init(const board_setup_t *setup) {
     can_init();
     if (USED_RECEIVER && identity.pins == BOARD_PINS_QUADROTOR) {
         receiver_uart_init();
+        ppm_capture_init();
     }
     if (USED_BATTERY && identity.pins == BOARD_PINS_QUADROTOR) {
         battery_adc_init();

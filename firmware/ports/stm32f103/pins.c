@@ -76,8 +76,8 @@ void pins_init(uint32_t pins, bool actuators) {
         /* TIM1 low sides C, B, A, break; Hall C; I2C1 SDA, SCL. */
         GPIOB_CRH = MODES(gate, gate, gate, INPUT, FREE, INPUT, DRAIN, DRAIN);
     } else {
-        /* SWD; CAN TX, RX; USART1 RX, TX. */
-        GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, rx, tx, FREE);
+        /* SWD; CAN TX, RX; USART1 RX, TX; TIM1 channel 1, the receiver. */
+        GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, rx, tx, sticks);
         /* TIM4 channels 2 and 1, the speed controllers; strap; ADC inputs 9, 8: sensors, or the battery. */
         GPIOB_CRL = MODES(pair, pair, INPUT, INPUT, FREE, FREE, ANALOG, ANALOG);
         /* USART3 RX, the receiver; I2C1 SDA, SCL. */

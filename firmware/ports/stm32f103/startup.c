@@ -12,6 +12,7 @@
 #include "i2c.h"
 #include "imu.h"
 #include "linker.h"
+#include "ppm_capture.h"
 #include "receiver_uart.h"
 #include "sampling.h"
 #include "spi.h"
@@ -89,7 +90,7 @@ __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60
     (vector_t)(uintptr_t)stack_top, reset_handler, F, F, F, F, F, F, F, F, F, F, F, F, pendsv_handler, systick_handler,
     /*  0 */ F, F, F, F, F, F, F, F, F, F,
     /* 10 */ F, adc_dma_handler, spi_dma_handler, F, uart_tx_dma_handler, uart_rx_dma_handler, F, i2c_dma_handler, F, can_tx_handler,
-    /* 20 */ can_rx_handler, F, F, F, F, F, F, F, bridge_handler, sampling_timer_handler,
+    /* 20 */ can_rx_handler, F, F, F, F, F, F, USED_RECEIVER ? ppm_capture_handler : F, bridge_handler, sampling_timer_handler,
     /* 30 */ F, i2c_event_handler, i2c_error_handler, F, F, F, F, uart_handler, F, USED_RECEIVER ? receiver_uart_handler : F,
     /* 40 */ F, F, F, F, F, F, F, F, F, F,
     /* 50 */ F, F, F, F, F, F, F, F, F, F,

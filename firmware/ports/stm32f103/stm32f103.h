@@ -259,38 +259,43 @@
 #define ADC2_DR                REG32(ADC2_BASE, 0x4cu)
 
 /* TIM1, RM0008 section 14.4 */
-#define TIM1_BASE             0x40012c00u
-#define TIM1_CR1              REG32(TIM1_BASE, 0x00u)
-#define TIM1_CR1_CEN          (1u << 0)
-#define TIM1_CR1_CMS_MODE1    (1u << 5) /* centre-aligned */
-#define TIM1_CR1_ARPE         (1u << 7)
-#define TIM1_CR2              REG32(TIM1_BASE, 0x04u)
-#define TIM1_CR2_CCPC         (1u << 0) /* CCxE, CCxNE and OCxM wait for COMG */
-#define TIM1_SR               REG32(TIM1_BASE, 0x10u)
-#define TIM1_SR_BIF           (1u << 7)
-#define TIM1_EGR              REG32(TIM1_BASE, 0x14u)
-#define TIM1_EGR_UG           (1u << 0)
-#define TIM1_EGR_COMG         (1u << 5)
-#define TIM1_CCMR1            REG32(TIM1_BASE, 0x18u)
-#define TIM1_CCMR1_OC1PE      (1u << 3)
-#define TIM1_CCMR1_OC1M_LOW   (4u << 4) /* forced inactive */
-#define TIM1_CCMR1_OC1M_PWM1  (6u << 4)
-#define TIM1_CCMR2            REG32(TIM1_BASE, 0x1cu)
-#define TIM1_CCER             REG32(TIM1_BASE, 0x20u)
-#define TIM1_CCER_CC1E        (1u << 0)
-#define TIM1_CCER_CC1NE       (1u << 2)
-#define TIM1_PSC              REG32(TIM1_BASE, 0x28u)
-#define TIM1_ARR              REG32(TIM1_BASE, 0x2cu)
-#define TIM1_CCR1             REG32(TIM1_BASE, 0x34u)
-#define TIM1_CCR2             REG32(TIM1_BASE, 0x38u)
-#define TIM1_CCR3             REG32(TIM1_BASE, 0x3cu)
-#define TIM1_BDTR             REG32(TIM1_BASE, 0x44u)
-#define TIM1_BDTR_DTG_DOUBLE  (4u << 5) /* from here on steps of two, 64 more (14.4.18) */
-#define TIM1_BDTR_LOCK_LEVEL2 (2u << 8)
-#define TIM1_BDTR_OSSI        (1u << 10)
-#define TIM1_BDTR_OSSR        (1u << 11)
-#define TIM1_BDTR_BKE         (1u << 12)
-#define TIM1_BDTR_MOE         (1u << 15)
+#define TIM1_BASE               0x40012c00u
+#define TIM1_CR1                REG32(TIM1_BASE, 0x00u)
+#define TIM1_CR1_CEN            (1u << 0)
+#define TIM1_CR1_CMS_MODE1      (1u << 5) /* centre-aligned */
+#define TIM1_CR1_CKD_DIV2       (1u << 8)
+#define TIM1_CR1_ARPE           (1u << 7)
+#define TIM1_CR2                REG32(TIM1_BASE, 0x04u)
+#define TIM1_CR2_CCPC           (1u << 0) /* CCxE, CCxNE and OCxM wait for COMG */
+#define TIM1_DIER               REG32(TIM1_BASE, 0x0cu)
+#define TIM1_DIER_CC1IE         (1u << 1)
+#define TIM1_SR                 REG32(TIM1_BASE, 0x10u)
+#define TIM1_SR_BIF             (1u << 7)
+#define TIM1_EGR                REG32(TIM1_BASE, 0x14u)
+#define TIM1_EGR_UG             (1u << 0)
+#define TIM1_EGR_COMG           (1u << 5)
+#define TIM1_CCMR1              REG32(TIM1_BASE, 0x18u)
+#define TIM1_CCMR1_CC1S_TI1     (1u << 0)
+#define TIM1_CCMR1_OC1PE        (1u << 3)
+#define TIM1_CCMR1_IC1F_SLOWEST (15u << 4) /* 8 samples at 1/32 of the sampling clock */
+#define TIM1_CCMR1_OC1M_LOW     (4u << 4)  /* forced inactive */
+#define TIM1_CCMR1_OC1M_PWM1    (6u << 4)
+#define TIM1_CCMR2              REG32(TIM1_BASE, 0x1cu)
+#define TIM1_CCER               REG32(TIM1_BASE, 0x20u)
+#define TIM1_CCER_CC1E          (1u << 0)
+#define TIM1_CCER_CC1NE         (1u << 2)
+#define TIM1_PSC                REG32(TIM1_BASE, 0x28u)
+#define TIM1_ARR                REG32(TIM1_BASE, 0x2cu)
+#define TIM1_CCR1               REG32(TIM1_BASE, 0x34u)
+#define TIM1_CCR2               REG32(TIM1_BASE, 0x38u)
+#define TIM1_CCR3               REG32(TIM1_BASE, 0x3cu)
+#define TIM1_BDTR               REG32(TIM1_BASE, 0x44u)
+#define TIM1_BDTR_DTG_DOUBLE    (4u << 5) /* from here on steps of two, 64 more (14.4.18) */
+#define TIM1_BDTR_LOCK_LEVEL2   (2u << 8)
+#define TIM1_BDTR_OSSI          (1u << 10)
+#define TIM1_BDTR_OSSR          (1u << 11)
+#define TIM1_BDTR_BKE           (1u << 12)
+#define TIM1_BDTR_MOE           (1u << 15)
 
 /* TIM2, RM0008 section 15.4 */
 #define TIM2_BASE               0x40000000u
@@ -485,6 +490,7 @@
 #define IRQ_DMA1_Channel7 17u
 #define IRQ_CAN1_TX       19u
 #define IRQ_CAN1_RX0      20u
+#define IRQ_TIM1_CC       27u
 #define IRQ_TIM2          28u
 #define IRQ_TIM3          29u
 #define IRQ_I2C1_EV       31u

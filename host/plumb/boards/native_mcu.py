@@ -108,7 +108,7 @@ def _load(path: Path) -> ctypes.CDLL:
             library = ctypes.CDLL(str(copy))
         except OSError as error:
             raise UsageError(f"{path} does not load ({error}): run '{BUILD}' in the checkout") from error
-    for name in ("wires_bytes", "uart_send", "uart_receive", "receiver_send", "guarded_bytes"):
+    for name in ("wires_bytes", "uart_send", "uart_receive", "receiver_send", "receiver_edge", "guarded_bytes"):
         getattr(library, f"native_{name}").restype = ctypes.c_size_t
     for name in ("can_send", "can_receive"):
         getattr(library, f"native_{name}").restype = ctypes.c_bool
@@ -181,6 +181,10 @@ class NativeMcu:
     def receiver_send(self, data: bytes) -> int:
         """Bytes of the radio receiver to the board; returns how many the line took."""
         return int(self._library.native_receiver_send(data, ctypes.c_size_t(len(data))))
+
+    def receiver_edge(self, at_us: int) -> int:
+        """A rising edge of the receiver's pulse train at a time of the board; returns how many the line took."""
+        return int(self._library.native_receiver_edge(ctypes.c_uint64(at_us)))
 
     def can_send(self, identifier: int, data: bytes) -> bool:
         """Send a frame to the board; False when the bus has no room."""

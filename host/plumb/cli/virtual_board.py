@@ -11,6 +11,8 @@
 
     plumb virtual-board --strap quadrotor --receiver pty       its radio receiver: write CRSF to that terminal
 
+    plumb virtual-board --strap quadrotor --receiver tcp:4003 --ppm     its receiver has a pulse train, on PA8: it plays
+                                                   the CRSF that is written to the port
     plumb virtual-board --strap quadrotor --battery 9.5        its battery has 9.5 V behind the divider at PB0
 
     plumb virtual-board --strap bridge             the strap (PB4, PB5) wired for these pins; default: as --system wants
@@ -65,6 +67,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--receiver", metavar="pty|tcp:PORT", help="where the line of its radio receiver is served (default: nowhere)"
     )
     parser.add_argument(
+        "--ppm", action="store_true", help="its receiver gives pulses at PA8, by the CRSF of --receiver"
+    )
+    parser.add_argument(
         "--battery", type=float, metavar="V", help="volts of the battery, at PB0 (default: that of the plant, else 0)"
     )
     parser.add_argument("--symlink", type=Path, help="make this symbolic link to the terminal")
@@ -100,6 +105,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError(NO_TERMINAL)
     if arguments.can:
         parse_can_end(arguments.can)
+    if arguments.ppm and not arguments.receiver:
+        raise UsageError("--ppm plays what --receiver hears: say where that is served, or leave --ppm out")
     if arguments.receiver:
         parse_endpoint(arguments.receiver)
     traces: list[VcdTrace] = []
@@ -178,6 +185,7 @@ def _f103(
     """The simulated chip with the flash image; the recording of --vcd, which begins with power-up, is put on traces."""
     from plumb.boards import plant_on_pins
     from plumb.boards.flash_file import MachineSlots, read_slots
+    from plumb.boards.pulse_train import on_pin
     from plumb.boards.virtual_can import Joint
     from plumb.boards.virtual_machine import open_machine
     from plumb.f103.waveforms import VcdTrace
@@ -200,13 +208,15 @@ def _f103(
     if arguments.system and not slots:
         plant_on_pins.boot_configured_as(machine, arguments.system, strap)
     kept = MachineSlots(machine, arguments.keep) if arguments.keep else None
-    return machine, functools.partial(Joint, machine), kept, machine.usart3.receive
+    hear = on_pin(machine).receive if arguments.ppm else machine.usart3.receive
+    return machine, functools.partial(Joint, machine), kept, hear
 
 
 def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served, Join, KeptSlots | None, Hear]:
     """The main loop on a board in memory."""
     from plumb.boards.flash_file import read_slots
     from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
+    from plumb.boards.pulse_train import on_native
     from plumb.boards.strap import BY_PIN_SET
     from plumb.errors import UsageError
     from plumb.physics.battery import Battery
@@ -223,4 +233,5 @@ def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served,
             Battery() if arguments.battery is None else Battery(arguments.battery)
         ).counts()
     kept = NativeSlots(board.mcu, arguments.keep) if arguments.keep else None
-    return board, functools.partial(NativeJoint, board.mcu), kept, board.mcu.receiver_send
+    hear = on_native(board.mcu).receive if arguments.ppm else board.mcu.receiver_send
+    return board, functools.partial(NativeJoint, board.mcu), kept, hear

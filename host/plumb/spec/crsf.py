@@ -9,6 +9,8 @@ from collections.abc import Sequence
 
 SYNC, STICKS, STATISTICS = 0xC8, 0x16, 0x14
 CHANNELS, CHANNEL_BITS = 16, 11
+LENGTHS = {STICKS: 26, STATISTICS: 14}
+"""Bytes of a whole frame."""
 LOW, MIDDLE, HIGH = 172, 992, 1811
 """Values of a channel at the ends and in the middle of a stick."""
 FULL = 32767
@@ -69,6 +71,41 @@ def statistics(link_quality: int) -> bytes:
     """A frame of link statistics: quality of the link to the receiver in percent; the rest is what a receiver close to
     its transmitter says."""
     return frame(STATISTICS, bytes([40, 40, link_quality, 10, 0, 2, 3, 45, 100, 8]))
+
+
+def values(payload: bytes) -> list[int]:
+    """The channels of a frame of channels, 0 to 2047."""
+    bits = int.from_bytes(payload, "little")
+    return [bits >> CHANNEL_BITS * place & (1 << CHANNEL_BITS) - 1 for place in range(CHANNELS)]
+
+
+def link_quality(payload: bytes) -> int:
+    """Of a frame of link statistics, in percent."""
+    return payload[2]
+
+
+class Reader:
+    """Finds the frames of the two types that the board knows in a stream of bytes."""
+
+    def __init__(self) -> None:
+        self._waiting = b""
+
+    def push(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Type and payload of each frame that these bytes complete."""
+        found: list[tuple[int, bytes]] = []
+        self._waiting += data
+        while self._waiting:
+            head = self._waiting[:3]
+            if not any(bytes([SYNC, length - 2, kind]).startswith(head) for kind, length in LENGTHS.items()):
+                self._waiting = self._waiting[1:]
+                continue
+            if len(head) < 3 or len(self._waiting) < LENGTHS[head[2]]:
+                break
+            whole = self._waiting[: LENGTHS[head[2]]]
+            if crc8(whole[2:-1]) == whole[-1]:
+                found.append((whole[2], whole[3:-1]))
+            self._waiting = self._waiting[len(whole) if crc8(whole[2:-1]) == whole[-1] else 1 :]
+        return found
 
 
 class Pilot:

@@ -15,6 +15,26 @@ CEN, UDIS, URS, OPM, ARPE = 1, 2, 4, 8, 128
 UIE, UIF, UG = 1, 1, 1
 TRGO_ENABLE, TRGO_UPDATE = 1, 2
 FORCED_LOW, FORCED_HIGH, PWM1, PWM2 = 4, 5, 6, 7
+CC1E, CC1I, CC1OF = 1, 2, 1 << 9
+FILTERS = (
+    (1, 1),
+    (1, 2),
+    (1, 4),
+    (1, 8),
+    (2, 6),
+    (2, 8),
+    (4, 6),
+    (4, 8),
+    (8, 6),
+    (8, 8),
+    (16, 5),
+    (16, 6),
+    (16, 8),
+    (32, 5),
+    (32, 6),
+    (32, 8),
+)
+"""IC1F -> divider of the sampling clock, number of equal samples that make an edge."""
 
 
 class Pwm(NamedTuple):

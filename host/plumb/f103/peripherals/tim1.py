@@ -1,9 +1,11 @@
 """TIM1 (RM0008 chapter 14): centre-aligned PWM on three complementary pairs, dead time, break, preloaded commutation.
+Counting up it captures rising edges of PA8 on channel 1, behind its filter.
 
 No event is planned for the waveform: the outputs are computed when they are read. With `trace` set, every edge of every
 output is recorded, in order. One assumption is conservative for tests of shoot-through: when the enable bits of a pair
 change, its outputs follow at once, without dead time, because the manual guarantees dead time only for edges of OCxREF
-while both outputs are enabled. Not modelled: channel 4, capture, slave modes, interrupts, polarity, idle levels.
+while both outputs are enabled. Not modelled: channel 4, other captures and interrupts, slave modes, polarity, idle
+levels.
 """
 
 from __future__ import annotations
@@ -11,7 +13,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from plumb.f103.core.bus import Register, SimulationError
-from plumb.f103.peripherals.tim import ARPE, CEN, FORCED_HIGH, FORCED_LOW, PWM1, UG, UIF, Timer
+from plumb.f103.peripherals.tim import (
+    ARPE,
+    CC1E,
+    CC1I,
+    CC1OF,
+    CEN,
+    FILTERS,
+    FORCED_HIGH,
+    FORCED_LOW,
+    PWM1,
+    UG,
+    UIF,
+    Timer,
+)
 
 if TYPE_CHECKING:
     from plumb.f103.core.mcu import Mcu
@@ -21,6 +36,7 @@ OSSI, OSSR, BKE, BKP, AOE, MOE = 1 << 10, 1 << 11, 1 << 12, 1 << 13, 1 << 14, 1 
 LOCK, LOCKED_1, LOCKED_2 = 3 << 8, 0xFF | BKE | BKP | AOE, OSSI | OSSR
 PHASES = 3
 HIGH_PINS, LOW_PINS, BREAK_PIN = ("PA8", "PA9", "PA10"), ("PB13", "PB14", "PB15"), "PB12"
+CAPTURE_PIN, CC1S_TI1, CAPTURE_IRQ = "PA8", 1, 27
 LONG_AGO = -(1 << 62)
 
 
@@ -64,6 +80,10 @@ class Tim1(Timer):
         self._ref = [False] * PHASES
         self._ref_since = [LONG_AGO] * PHASES
         self._scanned = 0
+        self.level = self.filtering = False
+        """TI1 after its filter, and whether another level is being looked at."""
+        self.machine.timeline.cancel("TIM1 filter")
+        self.machine.nvic.set_line(CAPTURE_IRQ, False)
         self._look(self.machine.now)
 
     # Counting
@@ -74,15 +94,15 @@ class Tim1(Timer):
 
     @property
     def period_ticks(self) -> int:
-        """Time between two update events: half a period of the centre-aligned PWM."""
-        return self.active_arr * self.step_ticks
+        """Time between two update events: half a period of the centre-aligned PWM; of counting up, a whole one."""
+        return (self.active_arr + (0 if self.cr1 & CMS else 1)) * self.step_ticks
 
     def settle(self, now: int) -> None:
         while self.cr1 & CEN and self.active_arr and now >= self.zero_at + self.period_ticks:
             end = self.zero_at + self.period_ticks
             self._scan(end)
             before = self.period_ticks
-            self.zero_at, self.down = end, not self.down
+            self.zero_at, self.down = end, not self.down and bool(self.cr1 & CMS)
             self.sr |= UIF
             self._preload()
             if self.bdtr & AOE and not self.break_active:
@@ -91,7 +111,7 @@ class Tim1(Timer):
             if (self.trace is None or not self.bdtr & MOE) and before == self.period_ticks:
                 halves = (now - self.zero_at) // before
                 self.zero_at += halves * before
-                self.down ^= bool(halves & 1)
+                self.down ^= bool(halves & 1 and self.cr1 & CMS)
         self._scan(now)
 
     def count(self, now: int) -> int:
@@ -101,8 +121,8 @@ class Tim1(Timer):
         return self.active_arr - steps if self.down else steps
 
     def write_cr1(self, value: int) -> None:
-        if not value & CMS or value & DIR:
-            raise SimulationError(f"TIM1_CR1 = 0x{value:04X}: only centre-aligned counting is modelled")
+        if value & DIR or (not value & CMS and self.bdtr & MOE):
+            raise SimulationError(f"TIM1_CR1 = 0x{value:04X}: PWM is modelled for centre-aligned counting alone")
         now = self.machine.now
         self.settle(now)
         if value & CEN and not self.cr1 & CEN:
@@ -146,6 +166,8 @@ class Tim1(Timer):
     def _check_modes(self) -> None:
         for index in range(PHASES):
             byte = self._output_mode(index)
+            if index == 0 and byte & 0xF == CC1S_TI1:
+                continue
             if byte & 3 or byte >> 4 not in (0, FORCED_LOW, FORCED_HIGH, PWM1):
                 raise SimulationError(f"TIM1: output mode 0x{byte:02X} of channel {index + 1} is not modelled")
 
@@ -183,6 +205,48 @@ class Tim1(Timer):
         if value & BG:
             self.break_now(now)
 
+    # Capture
+
+    @property
+    def filter_ticks(self) -> int:
+        divider, samples = FILTERS[self.ccmr1 >> 4 & 15]
+        return self.machine.rcc.pclk2_ticks * (1 << (self.cr1 >> 8 & 3)) * divider * samples
+
+    def _look_at_input(self) -> None:
+        """A new level of PA8 takes effect when it lasts as long as the filter requires."""
+        if not (self.clocked and self.cr1 & CEN and self.ccmr1 & 3 == CC1S_TI1):
+            return
+        differs = bool(self.machine.pin(CAPTURE_PIN)) != self.level
+        if differs and not self.filtering:
+            self.machine.timeline.at("TIM1 filter", self.machine.now + self.filter_ticks, self._captures)
+        elif not differs:
+            self.machine.timeline.cancel("TIM1 filter")
+        self.filtering = differs
+
+    def _captures(self, time: int) -> None:
+        self.level, self.filtering = not self.level, False
+        if self.level and self.ccer & CC1E:
+            self.settle(time)
+            self.ccr1 = self.count(time)
+            self.sr |= CC1I | (CC1OF if self.sr & CC1I else 0)
+            self._plan()
+
+    def read_ccr1(self) -> int:
+        """Reading what was captured takes the request back."""
+        if self.ccmr1 & 3 == CC1S_TI1:
+            self.sr &= ~CC1I
+            self._plan()
+        return self.ccr1
+
+    def write_dier(self, value: int) -> None:
+        if value & ~CC1I:
+            raise SimulationError(f"TIM1_DIER = 0x{value:04X}: only the interrupt of channel 1 is modelled")
+        self.dier = value
+        self._plan()
+
+    def _plan(self) -> None:
+        self.machine.nvic.set_line(CAPTURE_IRQ, bool(self.sr & self.dier & CC1I))
+
     # Break
 
     @property
@@ -203,6 +267,7 @@ class Tim1(Timer):
     def pins_changed(self) -> None:
         if self.clocked and self.break_active:
             self.break_now(self.machine.now)
+        self._look_at_input()
 
     def clock_failed(self) -> None:
         """The clock has failed: the clock security system triggers a break."""

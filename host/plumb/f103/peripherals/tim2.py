@@ -7,33 +7,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from plumb.f103.core.bus import SimulationError
-from plumb.f103.peripherals.tim import CEN, UIE, UIF, Timer
+from plumb.f103.peripherals.tim import CC1E, CC1I, CC1OF, CEN, FILTERS, UIE, UIF, Timer
 
 if TYPE_CHECKING:
     from plumb.f103.core.mcu import Mcu
 
-TI1S, TS_TI1F_ED, CC1S_TRC, CC1E, CC1I, CC1OF = 0x80, 4 << 4, 3, 1, 2, 1 << 9
+TI1S, TS_TI1F_ED, CC1S_TRC = 0x80, 4 << 4, 3
 PINS = ("PA0", "PA1", "PA2")
 REMAPPED_PINS = ("PA15", "PB3", "PB10")
-FILTERS = (
-    (1, 1),
-    (1, 2),
-    (1, 4),
-    (1, 8),
-    (2, 6),
-    (2, 8),
-    (4, 6),
-    (4, 8),
-    (8, 6),
-    (8, 8),
-    (16, 5),
-    (16, 6),
-    (16, 8),
-    (32, 5),
-    (32, 6),
-    (32, 8),
-)
-"""IC1F -> divider of the sampling clock, number of equal samples that make an edge."""
 
 
 class Tim2(Timer):

@@ -33,8 +33,8 @@ ROTORS = Device(
     8,
 )
 RECEIVER = Device(
-    "receiver, CRSF",
-    (Wire("TX", "PB11", INPUT), Wire("5V, GND", "5V GND")),
+    "receiver",
+    (Wire("TX, CRSF", "PB11", INPUT), Wire("or PPM", "PA8", INPUT), Wire("5V, GND", "5V GND")),
     4,
 )
 BATTERY = Device(
@@ -54,7 +54,7 @@ NOTES = (
     "10 kΩ to GND at every signal: during a reset nothing else keeps it low.",
     "Speed controllers, plain PWM of 50 to 490 Hz, taught 1000 to 2000 us; their red wires stay open.",
     "Seen from above, front right and rear left turn clockwise, the others counter-clockwise.",
-    "The receiver is used after plumb params set receiver=1 --save.",
+    "The receiver is used after plumb params set receiver=1 --save; with 3 for PPM.",
     "47 kΩ and 10 kΩ divide up to 18.8 V to 3.3 V. It is used after plumb params set battery_min_mv=10500 --save.",
     "Propellers off: a host arms it over a link, which is for the bench.",
     SWITCH_NOTE,
