@@ -22,9 +22,11 @@ from support.receiver_twin import by_twin
 ADDRESS = re.compile(r"socket://127.0.0.1:(\d+)")
 
 
-def test_bytes_of_a_served_line_are_the_sticks_of_a_run() -> None:
+@pytest.mark.parametrize(("options", "receiver_word", "roll"), [([], 1, 16403), (["--ppm"], 3, 16363)])
+def test_bytes_of_a_served_line_are_the_sticks_of_a_run(options: list[str], receiver_word: int, roll: int) -> None:
+    """As bytes, or played as pulses."""
     command = [sys.executable, "-m", "plumb", "virtual-board", "--port", "native", "--strap", "quadrotor"]
-    command += ["--serial", "tcp:0", "--receiver", "tcp:0"]
+    command += ["--serial", "tcp:0", "--receiver", "tcp:0", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         said = process.stdout.readline()
@@ -36,12 +38,12 @@ def test_bytes_of_a_served_line_are_the_sticks_of_a_run() -> None:
             Session.open(f"socket://127.0.0.1:{serial}") as session,
             socket.create_connection(("127.0.0.1", int(receiver))) as line,
         ):
-            session.upload(params.words(), period_us=5000, receiver=1)
+            session.upload(params.words(), period_us=5000, receiver=receiver_word)
             session.begin("REALTIME_LIVE", frames=RAW_FRAMES[:4])
             capture = Capture(session, raw_frames=set(RAW_FRAMES[:4]))
             session.listener = capture.feed
             end = session.clock() + 5.0
-            wanted, seen = [16403, 0, 0, 1], [0]
+            wanted, seen = [roll, 0, 0, 1], [0]
             while session.clock() < end and seen != wanted:
                 line.sendall(crsf.sticks(roll=0.5, on=True))
                 session.receive(0.02)
@@ -76,6 +78,11 @@ def test_the_sensor_board_sends_the_sticks_of_its_scenario(capsys: pytest.Captur
 def test_sticks_of_a_system_without_a_receiver_are_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["sensor-board", "quad", "--bus", "udp:0", "--sticks", "tcp:127.0.0.1:1"]) == 2
     assert "quad takes no sticks" in capsys.readouterr().err
+
+
+def test_pulses_of_no_line_are_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["virtual-board", "--port", "native", "--ppm"]) == 2
+    assert "--ppm plays what --receiver hears" in capsys.readouterr().err
 
 
 def test_no_place_for_the_line_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
