@@ -8,6 +8,7 @@
     plumb tune pid --board native --out out/pid        test quad's loop with its plant, and gains with margins
     plumb tune pid --board native --test step --phase-deg 40
     plumb tune pid --board native --system quadrotor --loop pitch --phase-deg 45 --gain-db 8 --delay-ms 30
+    plumb tune pid flight.plog --loop roll --phase-deg 45 --out out/roll        a vehicle that you have flown
     plumb tune pid --board serial:/dev/ttyUSB0 --arm-and-move
 
 RECORDING is .npz or .csv as for `plumb replay`, or a log of `plumb record`. No command changes the parameters of a
@@ -27,7 +28,9 @@ fits a plant with lag and delay to what the tilt rate does, and works out gains 
 and delay. On `native` and `virtual` the system's plant is simulated, and the test is made again with the new gains. On
 a board behind a link it arms the board and moves the machine: only with --arm-and-move. Of a vehicle in the air the
 stick of an axis swings, in lockstep with the simulated vehicle alone; the margins are those of rate and vertical
-together, and of the rate without the vertical. Exit code 1 when no gains have the margins.
+together, and of the rate without the vertical. A real vehicle is never armed for it: fly it by its receiver, record
+with `plumb record --run live`, or fly with `plumb fly`, and give the log. A minute in which the stick of the axis moves
+without a pause, level and gently, is enough. Exit code 1 when no gains have the margins.
 """
 
 from __future__ import annotations
@@ -73,7 +76,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_pid(pid: argparse.ArgumentParser) -> None:
-    pid.add_argument("--board", required=True, metavar="B", help=f"native, {options.LINKED_BOARD}")
+    pid.add_argument(
+        "recording", type=Path, nargs="?", metavar="LOG", help="log of a flight, or of a run whose setpoint moved"
+    )
+    pid.add_argument("--board", metavar="B", help=f"native, {options.LINKED_BOARD}; or give a LOG")
     options.add_link_and_image(pid)
     options.add_system(pid, "simulated system (default: that of `plumb demo`)")
     options.add_tuning(pid)
@@ -202,9 +208,14 @@ def tune_pid(arguments: argparse.Namespace) -> bool:
     from dataclasses import replace
 
     from plumb.analyses.identification import pid_page, pid_tuning
+    from plumb.errors import UsageError
     from plumb.tuning.quantise import quantise
 
     wanted = wanted_of(arguments)
+    if arguments.recording is not None:
+        return tune_flown(arguments, wanted)
+    if arguments.board is None:
+        raise UsageError(f"give --board native, {options.LINKED_BOARD}, or the log of a flight")
     simulated = arguments.board in ("native", "virtual")
     if not simulated:
         require_consent(arguments)
@@ -228,6 +239,25 @@ def tune_pid(arguments: argparse.Namespace) -> bool:
         plots,
         pid_page.to_json(tuning, again),
     )
+    return not tuning.refusal()
+
+
+def tune_flown(arguments: argparse.Namespace, wanted: Wanted) -> bool:
+    """Whether there are gains with the wanted margins for the loop in a log."""
+    from plumb.analyses.identification import flown_loop, pid_page, pid_tuning
+    from plumb.errors import UsageError
+
+    own = (arguments.board, arguments.system, arguments.tuning, arguments.period_us, arguments.image)
+    if any(one is not None for one in own) or arguments.live or arguments.arm_and_move:
+        raise UsageError("a log has its board, parameters and period: with a LOG give --loop, margins and --out alone")
+    run = flown_loop.of_log(arguments.recording, arguments.loop)
+    tuning = pid_tuning.tune(run, wanted)
+    for sentence in pid_page.warnings(tuning):
+        print(f"plumb: warning: {sentence}", file=sys.stderr)
+    period_ms, used = 1e-3 * tuning.tuning.period_us, f"{len(run.windows)} windows of {flown_loop.WINDOW_S:g} s"
+    lead = f"{tuning.tuning.system} in {arguments.recording.name}, steps of {period_ms:g} ms; {used}."
+    plots, told = pid_page.plots(tuning, None) if arguments.out else [], pid_page.to_json(tuning, None)
+    give(arguments, "Loop, flown and tuned", lead, pid_page.tables(tuning, None), plots, told)
     return not tuning.refusal()
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from plumb import systems
 from plumb.analyses.identification.plant_fit import Excitation, Measurement
-from plumb.analyses.identification.tested_loop import Gains, TestedLoop, loop_of
+from plumb.analyses.identification.tested_loop import Gains, TestedLoop, loop_of, signals_of
 from plumb.boards import plant_on_pins
 from plumb.boards.contract import Board, RawCounts, Setpoints, SimulatedBoard
 from plumb.boards.link import LinkBoard
@@ -25,7 +25,6 @@ from plumb.link.session import Session
 from plumb.proof.live_run import why_disarmed
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
-from plumb.spec.signal_units import word_signals
 from plumb.spec.signals import signals
 from plumb.systems import run_fixed
 from plumb.systems.contracts import PINS
@@ -66,11 +65,7 @@ class LoopRun:
 
     def signals(self) -> dict[str, FloatArray]:
         """Every signal by name with its unit, (steps,)."""
-        words = run_fixed.run_control(self.params, self.raw, self.setpoint)
-        return {
-            name: np.asarray(words[signal.word] * signal.scale, np.float64)
-            for name, signal in word_signals(self.params.system).items()
-        }
+        return signals_of(self.params.system, run_fixed.run_control(self.params, self.raw, self.setpoint))
 
     def measurement(self) -> Measurement:
         """The whole periods of the test signal. Raises UsageError when a limit of the controller acted."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plumb.analyses.identification import chosen_settings, pid_design, plant_fit
+from plumb.analyses.identification.flown_loop import FlownRun
 from plumb.analyses.identification.loop_test import LoopRun
 from plumb.analyses.identification.pid_design import Design, Wanted
 from plumb.analyses.identification.plant_fit import PlantFit
@@ -26,7 +27,7 @@ class PidTuning:
     margins of the loop in its other modes, before and after. faster: period in us -> what gains for shorter steps would
     reach."""
 
-    run: LoopRun
+    run: LoopRun | FlownRun
     plant: PlantFit
     loop: Loop[Gains]
     before: Margins
@@ -62,7 +63,7 @@ class PidTuning:
         return chosen_settings.refusal(self.tuned)
 
 
-def tune(run: LoopRun, wanted: Wanted, *, design: bool = True) -> PidTuning:
+def tune(run: LoopRun | FlownRun, wanted: Wanted, *, design: bool = True) -> PidTuning:
     """Identify the plant, work out its margins, and design gains; design: False keeps those of the run. Raises
     UsageError for a test that says too little."""
     tested, plant = run.tested, plant_fit.fit(run.measurement())
@@ -83,7 +84,7 @@ def tune(run: LoopRun, wanted: Wanted, *, design: bool = True) -> PidTuning:
     return PidTuning(run, plant, loop, before, wanted, found, parts, faster)
 
 
-def hold_rms_deg(run: LoopRun, seconds: float) -> float | None:
+def hold_rms_deg(run: LoopRun | FlownRun, seconds: float) -> float | None:
     """Rms of the true tilt in the last seconds before the test signal, while the setpoint is 0; None on a machine."""
     if not len(run.truth_deg):
         return None

@@ -125,8 +125,8 @@ def response_of(test: Measurement) -> Response:
         known &= _above_noise(towards) & _above_noise(across)
     if int(np.sum(known)) < LEAST_LINES:
         raise UsageError(
-            "the test signal does not rise above the noise: give a larger --amplitude or --periods, and see that the "
-            "machine can turn"
+            "the test signal does not rise above the noise: give a larger --amplitude or --periods, or move the stick "
+            "more and for longer, and see that the machine can turn"
         )
     least = 1e-3 * np.abs(value[known])  # rounding of counts and command is not seen in the scatter
     share = _with_neighbours(deviation[known] / np.abs(value[known]))

@@ -17,7 +17,9 @@ from plumb.analyses.identification.pid_design import PidSearch, Search
 from plumb.boards.contract import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.spec import declarations
-from plumb.spec.arrays import FloatArray
+from plumb.spec.arrays import BoolArray, FloatArray
+from plumb.spec.records import Words
+from plumb.spec.signal_units import word_signals
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning, AxisTuning, Pid
 from plumb.systems.run_reference import run_control
@@ -83,6 +85,9 @@ class TestedLoop(Protocol[G]):
     def estimated_deg(self, signals: Mapping[str, FloatArray]) -> FloatArray:
         """The estimated tilt, (steps,)."""
 
+    def closed(self, words: Words) -> BoolArray:
+        """Whether the loop holds the tilt that is asked for, (steps,)."""
+
     def limited(self, signals: Mapping[str, FloatArray]) -> FloatArray:
         """1 for every step at which a limit of the controller acted, (steps,)."""
 
@@ -143,6 +148,9 @@ class AxisLoop:
     def estimated_deg(self, signals: Mapping[str, FloatArray]) -> FloatArray:
         return signals["tilt_deg"]
 
+    def closed(self, words: Words) -> BoolArray:
+        return np.ones(len(words), np.bool_)
+
     def limited(self, signals: Mapping[str, FloatArray]) -> FloatArray:
         return np.asarray(np.abs(signals[self.signals[0]]) > MOST_COMMAND, np.float64)
 
@@ -161,6 +169,13 @@ class AxisLoop:
 
     def tuned(self, gains: Pid) -> AxisTuning:
         return replace(self.tuning, pid=gains)
+
+
+def signals_of(system: str, words: Words) -> dict[str, FloatArray]:
+    """Every signal of a record by name with its unit, (steps,)."""
+    return {
+        name: np.asarray(words[signal.word] * signal.scale, np.float64) for name, signal in word_signals(system).items()
+    }
 
 
 def loop_of(params: ControlParams, axis: str | None = None) -> TestedLoop[Gains]:

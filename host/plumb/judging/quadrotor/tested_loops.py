@@ -15,9 +15,11 @@ import numpy as np
 from plumb.analyses.identification.pid_design import Search, as_typed
 from plumb.analyses.identification.tested_loop import Inputs
 from plumb.boards.contract import RawCounts, Setpoints
-from plumb.spec.arrays import FloatArray
+from plumb.spec.arrays import BoolArray, FloatArray
+from plumb.spec.records import Words
 from plumb.systems.quadrotor import courses, quantise
 from plumb.systems.quadrotor import scenarios as quadrotor
+from plumb.systems.quadrotor.fixed import AIRBORNE, FLIES, LEVELS, LOST
 from plumb.systems.quadrotor.plant import QuadrotorPlant
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.quadrotor.vehicle import FULL_Q15
@@ -29,6 +31,8 @@ AXES = ("roll", "pitch")
 FIRST_STICK = 6
 """Of the inputs: six counts come before it."""
 HEIGHT_SETTLES_S = 2.0
+CLOSED = AIRBORNE | FLIES | LEVELS
+"""Flags of a step in which the stick asks for a lean, in the air."""
 LEVEL_PER_S = (1.0, 20.0)
 INTEGRAL_PER_S = (0.3, 3.0)
 """Integral by proportional gain. A faster one rejects more, and overshoots when a lean is asked for."""
@@ -103,6 +107,9 @@ class AxisOfVehicle:
     def estimated_deg(self, signals: Mapping[str, FloatArray]) -> FloatArray:
         up = (signals["up_1"], -signals["up_0"])[self.index]
         return np.asarray(np.degrees(np.arcsin(np.clip(up, -1.0, 1.0))))
+
+    def closed(self, words: Words) -> BoolArray:
+        return np.asarray((words["flags"] & (CLOSED | LOST)) == CLOSED, np.bool_)
 
     def limited(self, signals: Mapping[str, FloatArray]) -> FloatArray:
         return np.asarray(signals[f"{self.axis}_excess"] != 0.0, np.float64)
