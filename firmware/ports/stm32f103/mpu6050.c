@@ -33,9 +33,9 @@ static const chip_step_t steps[] = {
 };
 
 /* For all six axes, and for the accelerations alone. Least noise at rest: gyro 0.05 deg/s rms, 0.82 counts,
- * behind 98 Hz, accelerometer 400 ug/sqrt(Hz) (data sheet PS-MPU-6000A-00, rev. 3.4, tables 6.1 and 6.2), less
- * by the square root of the bandwidth; readings count as independent at half the inverse of the bandwidth.
- * False alarms come less often than every 10^4 h; tests compute the numbers. */
+ * behind 98 Hz, accelerometer 400 ug/sqrt(Hz) (data sheet PS-MPU-6000A-00, rev. 3.4, tables 6.1 and 6.2),
+ * less by the square root of the bandwidth; readings count as independent at half the inverse of the
+ * bandwidth. False alarms come less often than every 10^4 h; tests compute the numbers. */
 static const chip_stuck_t stuck[] = {
     {10u, 3u}, {10u, 3u}, {12u, 3u}, {25u, 3u}, {50u, 4u}, {100u, 4u}, /* 188 to 5 Hz */
 };
