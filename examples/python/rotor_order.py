@@ -13,6 +13,8 @@ THROTTLE, ROTORS_ON, READY_S, TURN_S = 0.2, 1, 3.0, 2.0
 
 name = os.environ.get("BOARD", "native")
 with plumb.connect(name, system="quadrotor" if name == "native" else None) as board:
+    if board.params["receiver"]:
+        raise SystemExit("a pilot has the sticks: set receiver=0 first, with plumb params set")
     list(board.stream(seconds=READY_S))  # at rest and level, it is ready then
     board.arm()
     for corner, (roll, pitch) in CORNERS.items():
