@@ -280,7 +280,9 @@ class RunReader:
         assert self._run is not None
         settled = np.flatnonzero(window.numbers >= self._run.emitted - SETTLED)
         inside = settled[window.step_at[settled] >= self._run.at]
-        begin = int(window.step_at[inside[0]])
+        first = int(np.searchsorted(window.step_at, self._run.at))
+        # Before the first STEP of a run there may be frames of a step whose STEP was lost.
+        begin = self._run.at if inside[0] == first else int(window.step_at[inside[0]])
         self._first_number = int(window.numbers[inside[0]])
         wanted = np.isin(window.frames["can_id"], self._numbered) | (window.at >= self._seen)
         wanted &= window.at >= begin
