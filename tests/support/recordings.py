@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plumb.boards.contract import RawCounts
+from plumb.boards.contract import RawCounts, Setpoints
 from plumb.files.block_file import Block, BlockWriter, read_blocks
 from plumb.inputs.log_file import MAGIC, Frames, read_log
 from plumb.inputs.log_writer import LogWriter
@@ -74,7 +74,7 @@ def _live(board: NativeBoard, session: Session, seconds: float) -> None:
 
 
 def log_of_counts(
-    path: Path, params: ControlParams, counts: RawCounts, lost: Collection[int] = (), setpoint: RawCounts | None = None
+    path: Path, params: ControlParams, counts: RawCounts, lost: Collection[int] = (), setpoint: Setpoints | None = None
 ) -> Path:
     """A log of a run with these inputs. lost: steps whose counts did not arrive. setpoint: of each step; None: 0."""
     messages, asked = protocol(), np.zeros(len(counts), np.int32) if setpoint is None else setpoint
