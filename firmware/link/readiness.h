@@ -14,6 +14,7 @@
 #define READINESS_RECEIVER  0x0020U /* it is lost, or was never heard */
 #define READINESS_SWITCH_ON 0x0040U /* the rotors are switched on: they have to be switched off first */
 #define READINESS_LOCKED    0x0080U /* the arm switch of the board is closed, which is its lock */
+#define READINESS_RAW       0x0400U /* the sensors were never calibrated */
 
 /* What is missing of a battery that is declared: bits beside these. Reported in the air, too. */
 #define READINESS_BATTERY_LOW     0x0100U /* its voltage is below battery_min_mv */

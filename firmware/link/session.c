@@ -149,6 +149,7 @@ void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
 static uint16_t pilot_missing(const session_t *s, bool heard, bool locked) {
     unsigned missing = locked ? READINESS_LOCKED : 0U;
 
+    missing |= s->params->calibrated != 0U ? 0U : READINESS_RAW;
     if (!heard) {
         missing |= READINESS_RECEIVER;
     } else if (arming_switch_used_up(&s->arming)) {

@@ -65,7 +65,9 @@ class Flown:
         params = quantise(SYSTEM.TUNINGS["two-chips" if two_chips else "hummingbird"])
         link = {**params.link_words(), **SYSTEM.LINK, "period_us": 2500, "arm_hold_ms": HOLD_MS}
         self.machine.adc[BATTERY_PIN] = Battery(11.4).input_v()
-        session.upload(params.words(), **link, receiver=1, battery_min_mv=LOWEST_MV, accel_bus=0 if two_chips else 2)
+        session.upload(
+            params.words(), **link, receiver=1, calibrated=1, battery_min_mv=LOWEST_MV, accel_bus=0 if two_chips else 2
+        )
         session.execute("SAVE")
         session.close()
         self.machine.reset()

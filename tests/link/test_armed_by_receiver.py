@@ -70,6 +70,19 @@ def test_a_receiver_that_is_not_heard_is_named_and_a_host_may_not_arm_either() -
     assert "receiver" in field.missing, "it has lost the transmitter"
 
 
+def test_a_board_that_was_never_calibrated_is_not_armed_by_a_pilot_and_by_a_host_without_one() -> None:
+    field = Field(calibrated=0)
+    field.passes(4.0)
+    assert field.missing == "the sensors were never calibrated: run plumb calibrate"
+    field.pilot(ON, 0.3)
+    assert not field.board.armed
+    commit(field.session, {**by_name(read_table(field.session)), "receiver": 0})
+    field.session.begin("REALTIME_LIVE")
+    field.passes(2.0)
+    field.session.arm()
+    assert field.board.armed, "on the bench"
+
+
 def test_a_receiver_that_comes_back_switched_on_does_not_arm(field: Field) -> None:
     field.passes(4.0)
     field.pilot(b"", 0.2)

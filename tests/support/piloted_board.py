@@ -36,7 +36,7 @@ class Field:
         self.board.sensors(LEVEL)
         with Session.open(self.board) as session:
             link = {**PARAMS.link_words(), **SYSTEM.LINK, "period_us": 2500, "arm_hold_ms": round(1000 * HOLD_S)}
-            session.upload(PARAMS.words(), **{**link, "receiver": 1, **words})
+            session.upload(PARAMS.words(), **{**link, "receiver": 1, "calibrated": 1, **words})
             session.execute("SAVE")
         self.board.mcu.power_off()
         self.board.mcu.power_on()

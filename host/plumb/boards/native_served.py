@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import can
@@ -20,7 +20,7 @@ from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.link.session import Session
 from plumb.spec import crsf, declarations
 from plumb.spec.protocol import FRAME_DLC
-from plumb.systems.contracts import PINS, Plant, sensor_words
+from plumb.systems.contracts import PINS, Plant, calibrated_words, sensor_words
 from plumb.tuning.quantise import quantise
 
 FOLLOW_US = 1000
@@ -37,10 +37,17 @@ SEND_PATIENCE_S = 0.02
 """A bus that accepts no frame for this long has failed."""
 
 
-def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant: Plant | None = None) -> ServedNative:
+def open_native(
+    strap: int,
+    slots: bytes = b"",
+    system: str | None = None,
+    plant: Plant | None = None,
+    *,
+    calibrated: bool = False,
+) -> ServedNative:
     """A board START_US after power-up. strap: the pin set that its strap chooses. slots: contents of its parameter
     slots; without them the system's tuning for the board's own sensors is saved, and the board restarted. plant:
-    attached to its sensors and outputs."""
+    attached to its sensors and outputs. calibrated: it says that its sensors were."""
     mcu = NativeMcu(power=False)
     if slots:
         ctypes.memmove(mcu.flash, slots, SLOTS_BYTES)
@@ -48,7 +55,7 @@ def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant
     mcu.power_on()
     mcu.run_us(START_US)
     if system is not None and not slots:
-        _save_as(mcu, system)
+        _save_as(mcu, system, calibrated_words(system) if calibrated else {})
         mcu.power_off()
         mcu.power_on()
         mcu.run_us(START_US)
@@ -57,13 +64,13 @@ def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant
     return ServedNative(mcu, system, plant)
 
 
-def _save_as(mcu: NativeMcu, name: str) -> None:
+def _save_as(mcu: NativeMcu, name: str, further: Mapping[str, int]) -> None:
     """Save the tuning for the board's own sensors, as `plumb params tuning SYSTEM --save` does."""
     system, live = systems.load(name), systems.load(name, PINS)
     tuning = system.TUNINGS[live.TUNING]
     with Session.open(mcu.uart) as session:
         params = quantise(tuning)
-        link = {**params.link_words(), **system.LINK, **sensor_words(system, live.TUNING)}
+        link = {**params.link_words(), **system.LINK, **sensor_words(system, live.TUNING), **further}
         session.upload(params.words(), period_us=tuning.period_us, **link)
         session.execute_idle("SAVE")
 

@@ -16,7 +16,7 @@ from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.machine import Machine
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
-from plumb.systems.contracts import PINS, Plant, Scenario, fitted, link_words, sensor_words
+from plumb.systems.contracts import PINS, Plant, Scenario, calibrated_words, fitted, link_words, sensor_words
 from plumb.tuning.quantise import ControlParams, quantise
 
 FOUND_US = 50_000
@@ -93,15 +93,16 @@ def plant_of(name: str, scenario: str | None, seed: int, *, open_loop: bool) -> 
     return chosen, system.plant(chosen, open_loop=open_loop)
 
 
-def boot_configured_as(machine: Machine, name: str, strap: str | None = None) -> None:
+def boot_configured_as(machine: Machine, name: str, strap: str | None = None, *, calibrated: bool = False) -> None:
     """Configure a machine that was just started to run a system on its own sensors, as `plumb params tuning SYSTEM
     --save` and a reset do, and wire its strap: from then on it starts with this tuning, period and pin set from its
-    flash."""
+    flash. calibrated: it says that its sensors were."""
     system, live = systems.load(name), systems.load(name, PINS)
     tuning = system.TUNINGS[live.TUNING]
     with Session.open(machine.uart) as session:
         params = quantise(tuning)
         link = {**params.link_words(), **system.LINK, **sensor_words(system, live.TUNING)}
+        link |= calibrated_words(name) if calibrated else {}
         session.upload(params.words(), period_us=tuning.period_us, **link)
         session.execute_idle("SAVE")
     set_strap(machine, strap or BY_PIN_SET[system.LINK.get("pins", 0)])

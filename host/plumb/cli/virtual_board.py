@@ -206,7 +206,7 @@ def _f103(
 
     machine = open_machine(arguments.image, part, slots=slots, strap=strap, couple=attach)
     if arguments.system and not slots:
-        plant_on_pins.boot_configured_as(machine, arguments.system, strap)
+        plant_on_pins.boot_configured_as(machine, arguments.system, strap, calibrated=not arguments.hand)
     kept = MachineSlots(machine, arguments.keep) if arguments.keep else None
     hear = on_pin(machine).receive if arguments.ppm else machine.usart3.receive
     return machine, functools.partial(Joint, machine), kept, hear
@@ -227,7 +227,7 @@ def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served,
     strap = _strap(arguments)
     if strap not in BY_PIN_SET:
         raise UsageError(f"there is no strap setting '{strap}'; use one of {', '.join(BY_PIN_SET)}")
-    board = open_native(BY_PIN_SET.index(strap), slots, arguments.system, plant)
+    board = open_native(BY_PIN_SET.index(strap), slots, arguments.system, plant, calibrated=not arguments.hand)
     if arguments.battery is not None or plant is not None:
         board.mcu.wires.battery_voltage = (
             Battery() if arguments.battery is None else Battery(arguments.battery)

@@ -17,6 +17,7 @@ from plumb.link.identity import sensors_text
 from plumb.link.session import Session
 from plumb.spec import declarations, parameters
 from plumb.spec.parameter_file import by_name
+from plumb.spec.system import RECEIVER
 from plumb.spec.tuning import Channel
 from plumb.systems.contracts import POSES, TiltPoses
 from plumb.tuning import pose_calibration
@@ -60,6 +61,14 @@ class Calibrated:
     after: Residual
     remarks: tuple[str, ...]
     """What else there is to know, in sentences: how a sensor is mounted."""
+
+
+MARKER = "calibrated"
+
+
+def marker(system: str, table: Mapping[str, int]) -> dict[str, int]:
+    """The parameter that says so, of a system that a pilot arms only when it is calibrated."""
+    return {MARKER: 1} if MARKER in table and RECEIVER in declarations.system(system).parts else {}
 
 
 def sensors_missing(session: Session) -> list[str]:
@@ -188,7 +197,7 @@ class Calibration:
                 f"the readings contradict each other: gravity is {1e3 * after.norm_g:.0f} mg off after the "
                 "calibration; nothing was written; begin again, on a firm surface"
             )
-        words = pose_calibration.words(channels, self._units)
+        words = pose_calibration.words(channels, self._units) | marker(self.system, self.table)
         changed = {name: word for name, word in words.items() if word != self.table[name]}
         remarks = tuple(
             f"{group} is mounted the other way round: its sign is turned"

@@ -22,6 +22,7 @@ from plumb.inputs.calibration import (
     Calibration,
     Operator,
     ReadingRefusedError,
+    marker,
     require_sensors,
 )
 from plumb.link import parameter_table, raw_capture
@@ -192,7 +193,7 @@ class VectorCalibration:
                 "axis only, within the time; the turns begin again"
             )
         found = gyro.sensor(self.gyro.channel), accel.sensor(self.accel.channel)
-        words = self.poses.words_of(*found)
+        words = self.poses.words_of(*found) | marker(self.system, self.table)
         changed = {name: word for name, word in words.items() if word != self.table[name]}
         before, after = residual(checked, self.gyro, self.accel), residual(checked, *found)
         return Calibrated(self.system, self.table, changed, before, after, tuple(remarks(accel, found[1])))

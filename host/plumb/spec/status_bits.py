@@ -89,6 +89,7 @@ NOT_READY = {
     7: Bit("lock_open", "the arm switch on the board is closed: it locks out the pilot"),
     8: Bit("battery_full", "the battery is low: charge it, or set battery_min_mv lower"),
     9: Bit("battery_known", "the battery's voltage is not known: check its plug, and the divider at PB0"),
+    10: Bit("calibrated", "the sensors were never calibrated: run plumb calibrate"),
 }
 """PLAUSIBILITY.missing."""
 ANALOG_INPUTS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")

@@ -18,8 +18,9 @@ from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.plausibility import Bounds
 from plumb.kernels.integers import Integer
 from plumb.physics.disturbance import Request
-from plumb.spec import dbc
+from plumb.spec import dbc, declarations
 from plumb.spec.arrays import FloatArray
+from plumb.spec.system import RECEIVER
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning, Start
 
@@ -426,6 +427,11 @@ def link_words(system: System, scenario: Scenario) -> dict[str, int]:
 def sensor_words(system: System, tuning: str) -> Mapping[str, int]:
     """Parameters outside the control step that the sensors of a tuning need."""
     return system.SENSOR_LINKS.get(tuning, {}) if isinstance(system, LinkedSensors) else {}
+
+
+def calibrated_words(name: str) -> dict[str, int]:
+    """Says that the sensors are those of the tuning, as those of a simulated plant are that no hand holds."""
+    return {"calibrated": 1} if RECEIVER in declarations.system(name).parts else {}
 
 
 def tuning_for(system: System, scenario: str) -> str:

@@ -99,6 +99,7 @@ class FlightLoop(BoardRun):
             **systems.load(system).LINK,
             period_us=self._period_us,
             receiver=1,
+            calibrated=1,  # the simulated sensors are those of the tuning
             arm_hold_ms=0,  # the simulated speed controllers need no arming pulse
         )
         super().__init__(self._flown.board, hold, folder, self._vehicles, watch=False, command=command)

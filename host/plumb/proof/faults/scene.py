@@ -60,7 +60,7 @@ LINKED = "linked"
 PILOT = "pilot"
 """A feature: a pilot's receiver may arm it."""
 RECEIVER = "receiver"
-FLOWN_WORDS = {"receiver": 1, "battery_min_mv": 10_000}
+FLOWN_WORDS = {"receiver": 1, "calibrated": 1, "battery_min_mv": 10_000}
 """Parameters of a vehicle with a pilot and a battery of three cells."""
 """In place of a host's link: what armed the scene. A host on serial listens."""
 ARMING_S = 3.0
