@@ -36,10 +36,19 @@ static bool actuator_present(const session_t *s) {
 }
 
 #if USED_RECEIVER
+static uint32_t receiver_chosen(const session_t *s) {
+    return s->params->receiver;
+}
+
 static bool has_receiver(const session_t *s) {
     return s->params->receiver != 0U && control_system(&s->params->control)->has_receiver;
 }
 #else
+static uint32_t receiver_chosen(const session_t *s) {
+    (void)s;
+    return 0;
+}
+
 static bool has_receiver(const session_t *s) {
     (void)s;
     return false;
@@ -319,10 +328,10 @@ void session_apply_staged(session_t *s) {
         control_retune(s->control, &s->params->control, &s->staging.table->control);
     }
     const bool piloted = has_receiver(s);
-    const uint32_t receiver = s->params->receiver;
+    const uint32_t receiver = receiver_chosen(s);
 
     staging_apply(&s->staging, s->params, session_armed(s));
-    if (has_receiver(s) != piloted || s->params->receiver != receiver) {
+    if (has_receiver(s) != piloted || receiver_chosen(s) != receiver) {
         /* a pilot's from now on, or the board's */
         arming_switch_unread(&s->arming);
     }
