@@ -58,6 +58,7 @@ test-long: ## the whole campaigns of random input, every board with every system
 image: ## the flash image, and the core as a program for QEMU
 	@cmake --preset stm32f103 $(QUIET)
 	@cmake --build --preset stm32f103 $(QUIET)
+	@$(VENV)/python tools/build_images.py --beside-all $(QUIET)
 
 images: ## the flash images by name, each system alone, sets, all; each checked; NAMES="quad ..." for some
 	@$(VENV)/python tools/build_images.py $(NAMES)

@@ -3,6 +3,7 @@
 
     tools/build_images.py                  every image
     tools/build_images.py quad vehicles    these
+    tools/build_images.py --beside-all     those of the systems that `all` leaves out, and their programs for QEMU
 
 The build holds each image to its budget and to the promises of tools/check_elf.py. Then the image boots on the virtual
 board and says which systems it holds. `all` is built in build/stm32f103, as by `make image`, the others in
@@ -32,6 +33,10 @@ from plumb.spec.images import Image  # noqa: E402
 
 TOOLCHAIN = ROOT / "firmware" / "ports" / "stm32f103" / "toolchain.cmake"
 COMPILER = "arm-none-eabi-gcc"
+QEMU = ("plumb_qemu", *(f"plumb_qemu_{core}" for core in ("m0", "m4", "m7")))
+"""Targets of the core as programs for QEMU."""
+QEMU_FOLDER = Path("build") / "qemu"
+"""Where they are built with every system, when `all` leaves one out."""
 HEAD = f"{'image':<12} {'flash':>6} {'of':>6} {'free':>6} {'RAM':>6} {'of':>6} {'free':>6}  systems"
 
 
@@ -39,16 +44,19 @@ def build(image: Image) -> Path:
     """firmware.bin of an image; raises VerdictError with what the build said when there is none."""
     target = ROOT / build_of(image.name)
     asked = "" if image.name == images.ALL else image.name
-    configure = ["cmake", "-S", str(ROOT), "-B", str(target.parent), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Image",
-                 f"-DCMAKE_TOOLCHAIN_FILE={TOOLCHAIN}", f"-DPython3_EXECUTABLE={sys.executable}",
-                 f"-DPLUMB_SYSTEMS={asked}"]  # fmt: skip
-    for command in (configure, ["cmake", "--build", str(target.parent), "--target", "firmware"]):
+    _make(f"image {image.name}", target.parent, [f"-DPLUMB_SYSTEMS={asked}"], ["firmware"])
+    return target
+
+
+def _make(what: str, folder: Path, options: list[str], targets: list[str]) -> None:
+    configure = ["cmake", "-S", str(ROOT), "-B", str(folder), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Image",
+                 f"-DCMAKE_TOOLCHAIN_FILE={TOOLCHAIN}", f"-DPython3_EXECUTABLE={sys.executable}", *options]  # fmt: skip
+    for command in (configure, ["cmake", "--build", str(folder), "--target", *targets]):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             said = [line for line in (done.stdout + done.stderr).splitlines() if line.startswith("check_elf: ")]
             why = "\n".join(said) or done.stdout + done.stderr
-            raise VerdictError(f"image {image.name} is not built:\n{why}")
-    return target
+            raise VerdictError(f"{what} is not built:\n{why}")
 
 
 def check_systems(image: Image, path: Path) -> None:
@@ -70,6 +78,15 @@ def row(image: Image, path: Path) -> str:
     return f"{image.name:<12} {' '.join(f'{number:>6}' for number in used)}  {', '.join(image.systems)}"
 
 
+def build_beside_all() -> None:
+    """What stands for `all` where it leaves a system out; raises VerdictError when there is none."""
+    left_out = images.beside_all()
+    for image in left_out.values():
+        build(image)
+    if left_out:
+        _make("the core for QEMU", ROOT / QEMU_FOLDER, ["-DPLUMB_WHOLE=ON"], [*QEMU])
+
+
 def rows(chosen: list[Image]) -> Iterator[str]:
     """Build and check one image after the other; raises VerdictError at the end when one failed."""
     failed = []
@@ -87,8 +104,12 @@ def rows(chosen: list[Image]) -> Iterator[str]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help="images to build; all of them without a name")
+    parser.add_argument("--beside-all", action="store_true", help="of the systems that `all` leaves out, with QEMU's")
     options = parser.parse_args()
     try:
+        if options.beside_all:
+            build_beside_all()
+            return 0
         if shutil.which(COMPILER) is None:
             raise UsageError(f"{COMPILER} is not installed; install gcc-arm-none-eabi")
         chosen = [images.image(name) for name in options.names or images.images()]

@@ -103,14 +103,14 @@ static const uint16_t ids[PARAMS_HELD] = {{
 {places}
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_HELD ? 1 : -1];
 
-static uint32_t word_at(const params_t *p, uint16_t place) {{
+static uint32_t word_at(const params_t *p, unsigned place) {{
     uint32_t value;
 
     memcpy(&value, (const uint8_t *)p + 4U * place, sizeof value);
     return value;
 }}
 
-static void put_word(params_t *p, uint16_t place, uint32_t value) {{
+static void put_word(params_t *p, unsigned place, uint32_t value) {{
     memcpy((uint8_t *)p + 4U * place, &value, sizeof value);
 }}
 
@@ -121,8 +121,8 @@ static bool within(range_t r, uint32_t value) {{
 }}
 {table}
 void params_default(params_t *p) {{
-    for (uint16_t i = 0; i < PARAMS_COUNT; i++) {{
-        params_set_word(p, i, numbers[defaults[i]]);
+    for (unsigned i = 0; i < PARAMS_COUNT; i++) {{
+        params_set_word(p, (uint16_t)i, numbers[defaults[i]]);
     }}
 }}
 {live}
@@ -149,7 +149,7 @@ uint16_t params_id(uint16_t place) {{
 }}
 
 uint16_t params_find(uint16_t id, uint16_t *place) {{
-    for (uint16_t tried = 0; tried < PARAMS_HELD; tried++) {{
+    for (unsigned tried = 0; tried < PARAMS_HELD; tried++) {{
         const uint16_t at = *place < PARAMS_HELD ? *place : 0;
 
         *place = (uint16_t)(at + 1U);
@@ -195,38 +195,40 @@ static const struct {{
 #define RUNS (sizeof runs / sizeof runs[0])
 
 uint16_t params_held(uint16_t place) {{
+    unsigned left = place;
+
     for (size_t i = 0; i < RUNS; i++) {{
-        if (place < runs[i].count) {{
-            return (uint16_t)(runs[i].first + place);
+        if (left < runs[i].count) {{
+            return (uint16_t)(runs[i].first + left);
         }}
-        place = (uint16_t)(place - runs[i].count);
+        left -= runs[i].count;
     }}
     return PARAMS_COUNT;
 }}
 
 /* The place in params_t; PARAMS_HELD for a constant. */
-static uint16_t place_of(uint16_t index) {{
-    uint16_t before = 0;
+static unsigned place_of(unsigned index) {{
+    unsigned before = 0;
 
     for (size_t i = 0; i < RUNS && index >= runs[i].first; i++) {{
-        const uint16_t at = (uint16_t)(index - runs[i].first);
+        const unsigned at = index - runs[i].first;
 
         if (at < runs[i].count) {{
-            return (uint16_t)(before + at);
+            return before + at;
         }}
-        before = (uint16_t)(before + runs[i].count);
+        before += runs[i].count;
     }}
     return PARAMS_HELD;
 }}
 
 uint32_t params_word(const params_t *p, uint16_t index) {{
-    const uint16_t place = place_of(index);
+    const unsigned place = place_of(index);
 
     return place < PARAMS_HELD ? word_at(p, place) : numbers[defaults[index]];
 }}
 
 void params_set_word(params_t *p, uint16_t index, uint32_t value) {{
-    const uint16_t place = place_of(index);
+    const unsigned place = place_of(index);
 
     if (place < PARAMS_HELD) {{
         put_word(p, place, value);
@@ -234,7 +236,7 @@ void params_set_word(params_t *p, uint16_t index, uint32_t value) {{
 }}
 
 bool params_in_range(uint16_t index, uint32_t value) {{
-    const uint16_t place = place_of(index);
+    const unsigned place = place_of(index);
 
     return place < PARAMS_HELD ? within(ranges[range_of[place]], value) : value == numbers[defaults[index]];
 }}
@@ -307,13 +309,13 @@ static bool is_near(int32_t from, int32_t to) {{
 uint16_t params_fixed_change(const params_t *from, const params_t *to, const params_live_t *near) {{
     size_t i = 0; /* live[i] is the next live word */
 
-    for (uint16_t place = 0; place < PARAMS_HELD; place++) {{
+    for (unsigned place = 0; place < PARAMS_HELD; place++) {{
         const bool is_live = i < PARAMS_LIVE && live[i] == place;
         const uint32_t word = word_at(to, place);
 
         if (word_at(from, place) != word &&
             !(is_live && (near == NULL || is_near(near->word[i], (int32_t)word)))) {{
-            return params_held(place);
+            return params_held((uint16_t)place);
         }}
         i += is_live;
     }}
@@ -328,9 +330,9 @@ params_live_t params_live(const params_t *p) {
 
 uint16_t params_fixed_change(const params_t *from, const params_t *to, const params_live_t *near) {
     (void)near;
-    for (uint16_t place = 0; place < PARAMS_HELD; place++) {
+    for (unsigned place = 0; place < PARAMS_HELD; place++) {
         if (word_at(from, place) != word_at(to, place)) {
-            return params_held(place);
+            return params_held((uint16_t)place);
         }
     }
     return PARAMS_COUNT;

@@ -65,7 +65,8 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         if arguments.out:
-            built = images.asked([name for name in arguments.systems.split(";") if name]).systems
+            asked = [name for name in arguments.systems.split(";") if name]
+            built = images.asked(asked).systems if asked or arguments.flash else declarations.names()
             write({arguments.out / name: text for name, text in c_files(built, arguments.flash).items()})
             return 0
         if any(not system.shipped for system in declarations.systems().values()):

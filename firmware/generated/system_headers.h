@@ -6,10 +6,10 @@
 #include "plumb/systems.h"
 
 /* The systems of this image, one bit each by its number. */
-#define CONTROL_SYSTEMS (1UL << PLUMB_SYSTEM_QUAD | 1UL << PLUMB_SYSTEM_BALANCER | 1UL << PLUMB_SYSTEM_TURNTABLE | 1UL << PLUMB_SYSTEM_PHONE | 1UL << PLUMB_SYSTEM_ATTITUDE | 1UL << PLUMB_SYSTEM_QUADROTOR)
+#define CONTROL_SYSTEMS (1UL << PLUMB_SYSTEM_QUAD | 1UL << PLUMB_SYSTEM_BALANCER | 1UL << PLUMB_SYSTEM_TURNTABLE | 1UL << PLUMB_SYSTEM_PHONE | 1UL << PLUMB_SYSTEM_ATTITUDE | 1UL << PLUMB_SYSTEM_QUADROTOR | 1UL << PLUMB_SYSTEM_WHEELS)
 
 /* The most raw counts, and 16-bit words of commands in whole frames, of any system of this image. */
-#define CONTROL_COUNTS_MAX 6U
+#define CONTROL_COUNTS_MAX 9U
 #define CONTROL_COMMANDS_MAX 6U
 
 /* The largest record of any system, in words. */
@@ -20,6 +20,7 @@ typedef union {
     plumb_phone_words_t phone;
     plumb_attitude_words_t attitude;
     plumb_quadrotor_words_t quadrotor;
+    plumb_wheels_words_t wheels;
 } control_words_t;
 
 /* A whole controller of any system. Its words come first in each. */
@@ -30,6 +31,7 @@ typedef union {
     plumb_phone_t phone;
     plumb_attitude_t attitude;
     plumb_quadrotor_t quadrotor;
+    plumb_wheels_t wheels;
 } control_t;
 
 #endif

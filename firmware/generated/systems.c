@@ -53,7 +53,22 @@ static const control_frame_t quadrotor_frames[] = {
     {0x44AU, WORD(plumb_quadrotor_words_t, rate_turnps_q28[2]), 15U, WORD(plumb_quadrotor_words_t, thrust_q24)}, /* THRUST */
 };
 
+static const control_frame_t wheels_frames[] = {
+    {0x484U, WORD(plumb_wheels_words_t, duty_left_q15), 0U, WORD(plumb_wheels_words_t, wheel.velocity_mps_q26)}, /* DRIVE */
+    {0x485U, WORD(plumb_wheels_words_t, duty_right_q15), 0U, WORD(plumb_wheels_words_t, turn_rate_turnps_q28)}, /* TURN */
+    {0x486U, WORD(plumb_wheels_words_t, flags), 0U, WORD(plumb_wheels_words_t, tilt_turn_q32)}, /* ANGLE */
+    {0x487U, WORD(plumb_wheels_words_t, phase), 0U, WORD(plumb_wheels_words_t, lean_turn_q32)}, /* LEAN */
+};
+
 static const control_command_t quadrotor_commands[] = {
+    {-32767, 32767, 0, 1U}, /* roll */
+    {-32767, 32767, 0, 1U}, /* pitch */
+    {-32767, 32767, 0, 1U}, /* yaw */
+    {0, 3, 0, 1U}, /* switches */
+    {0, 511, 0, 1U}, /* receiver */
+};
+
+static const control_command_t wheels_commands[] = {
     {-32767, 32767, 0, 1U}, /* roll */
     {-32767, 32767, 0, 1U}, /* pitch */
     {-32767, 32767, 0, 1U}, /* yaw */
@@ -143,6 +158,24 @@ static const control_system_t quadrotor_system = {
     .marks_missing = true,
 };
 
+static const control_system_t wheels_system = {
+    .frames = wheels_frames,
+    .frame_count = sizeof wheels_frames / sizeof wheels_frames[0],
+    .plausibility = &plumb_wheels_plausibility,
+    .output = CONTROL_OUTPUT_WHEELS,
+    .output_word = WORD(plumb_wheels_words_t, duty_left_q15),
+    .record_words = sizeof(plumb_wheels_words_t) / 4U,
+    .saturated = PLUMB_WHEELS_FLAGS_SATURATED,
+    .sensors = CONTROL_SENSORS_NONE,
+    .counts = 9U,
+    .inputs = 15U,
+    .owner_alone = true,
+    .has_receiver = true,
+    .commands = wheels_commands,
+    .command_count = 5U,
+    .noisy = 0x0FU,
+};
+
 /* A system that this image does not have: flags and step number, which are 0. */
 static const control_system_t no_system = {.record_words = 2U};
 
@@ -160,6 +193,8 @@ const control_system_t *control_system(const plumb_params_t *p) {
         return &attitude_system;
     case PLUMB_SYSTEM_QUADROTOR:
         return &quadrotor_system;
+    case PLUMB_SYSTEM_WHEELS:
+        return &wheels_system;
     default:
         return &no_system;
     }
@@ -185,6 +220,9 @@ void control_init(control_t *c, const plumb_params_t *p) {
     case PLUMB_SYSTEM_QUADROTOR:
         plumb_quadrotor_init(&c->quadrotor, p);
         break;
+    case PLUMB_SYSTEM_WHEELS:
+        plumb_wheels_init(&c->wheels, p);
+        break;
     default:
         break;
     }
@@ -202,6 +240,10 @@ void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB
     }
     if (__builtin_expect(p->system == PLUMB_SYSTEM_PHONE, 1)) { /* 1600 cycles */
         plumb_phone_step(&c->phone, p, raw, setpoint);
+        return;
+    }
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_WHEELS, 1)) { /* 1600 cycles */
+        plumb_wheels_step(&c->wheels, p, raw, setpoint);
         return;
     }
     if (__builtin_expect(p->system == PLUMB_SYSTEM_ATTITUDE, 1)) { /* 2900 cycles */
@@ -232,6 +274,8 @@ bool control_params_valid(const plumb_params_t *p) {
         return plumb_attitude_params_valid(p);
     case PLUMB_SYSTEM_QUADROTOR:
         return plumb_quadrotor_params_valid(p);
+    case PLUMB_SYSTEM_WHEELS:
+        return plumb_wheels_params_valid(p);
     default:
         return false;
     }
@@ -244,6 +288,9 @@ void control_retune(control_t *c, const plumb_params_t *from, const plumb_params
         break;
     case PLUMB_SYSTEM_BALANCER:
         plumb_balancer_retune(&c->balancer, from, to);
+        break;
+    case PLUMB_SYSTEM_WHEELS:
+        plumb_wheels_retune(&c->wheels, from, to);
         break;
     default:
         break;

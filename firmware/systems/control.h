@@ -24,7 +24,8 @@ typedef enum {
     CONTROL_OUTPUT_NONE = 0, /* nothing: never armed */
     CONTROL_OUTPUT_PULSES,   /* two words, half-microseconds: speed controllers */
     CONTROL_OUTPUT_BRIDGE,   /* one word, duty Q15: three-phase bridge */
-    CONTROL_OUTPUT_ROTORS    /* four words, half-microseconds: the pulse of each rotor's speed controller */
+    CONTROL_OUTPUT_ROTORS,   /* four words, half-microseconds: the pulse of each rotor's speed controller */
+    CONTROL_OUTPUT_WHEELS /* two words, duty Q15 of either sign: the motors of two wheels, left and right */
 } control_output_t;
 
 /* Sensors of the board that a live run samples: BOARD_SENSORS_ of app/board_sensors.h. */

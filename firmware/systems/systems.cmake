@@ -28,8 +28,9 @@ else()
     endforeach()
     set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${declarations})
     string(REPLACE ";" ":" path "${PLUMB_SYSTEM_PATH}")
-    # A flash image holds only the parameters that its systems read; everything else has the whole table.
-    if(CMAKE_SYSTEM_PROCESSOR STREQUAL "cortex-m3" AND NOT PLUMB_LIBRARY_ONLY)
+    # A flash image holds only the parameters that its systems read; everything else has the whole table, as has a build for
+    # QEMU alone (PLUMB_WHOLE) of the systems that the image of all leaves out.
+    if(CMAKE_SYSTEM_PROCESSOR STREQUAL "cortex-m3" AND NOT PLUMB_LIBRARY_ONLY AND NOT PLUMB_WHOLE)
         set(for_flash --flash)
     endif()
     # pip builds in a Python of its own and says so in PYTHONPATH: build-system.requires names what the generator needs.

@@ -19,12 +19,12 @@ from plumb.flash.elf import Elf
 from plumb.flash.left_out import saved_bytes
 from plumb.link.identity import NackError
 from plumb.proof import golden
-from plumb.spec import declarations
+from plumb.spec import declarations, images
 from support.campaigns import LONG
 
 ROOT = Path(__file__).parents[2]
 VECTORS = ROOT / "tests/vectors"
-NAMES = sorted(declarations.names())
+NAMES = sorted(images.images()[images.ALL].systems)
 ALONE = {f"{name} alone": [name] for name in NAMES}
 WITHOUT = {f"without {name}": [other for other in NAMES if other != name] for name in NAMES}
 SETS = ALONE | WITHOUT

@@ -90,7 +90,7 @@ def alone(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Tables:
-    return Tables(tmp_path_factory.mktemp("whole"), images.image(images.ALL))
+    return Tables(tmp_path_factory.mktemp("whole"), images.of_systems(declarations.names()))
 
 
 def factory(tables: Tables) -> list[int]:

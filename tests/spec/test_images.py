@@ -23,7 +23,11 @@ def test_there_is_an_image_of_each_system_of_each_set_and_of_all() -> None:
     sets = {name for system in systems.values() for name in system.images}
     assert list(found) == [*systems, *sorted(sets), images.ALL]
     for name, image in found.items():
-        declared = [one for one, system in systems.items() if name in (one, images.ALL) or name in system.images]
+        declared = [
+            one
+            for one, system in systems.items()
+            if name == one or name in system.images or (name == images.ALL and system.in_all)
+        ]
         assert (image.name, list(image.systems)) == (name, declared)
     assert sets and all(len(found[name].systems) > 1 for name in sets)
 
@@ -42,6 +46,15 @@ def test_a_new_system_has_an_image_and_is_in_all_without_an_edit(monkeypatch: py
     after = images.images()
     assert set(after) - set(before) == {"toy"}
     assert after["toy"].systems == ("toy",) and set(after[images.ALL].systems) == {*before[images.ALL].systems, "toy"}
+
+
+def test_all_leaves_out_a_system_that_says_so_and_keeps_its_parameters() -> None:
+    left_out = images.beside_all()
+    systems = declarations.systems()
+    assert set(left_out) == {name for name, system in systems.items() if not system.in_all} != set()
+    held = images.images()[images.ALL].systems
+    assert not set(left_out) & set(held)
+    assert images.held_groups(held) == images.held_groups(tuple(systems)) > images.held_groups(held[:1])
 
 
 def test_a_system_lists_the_sets_that_it_is_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

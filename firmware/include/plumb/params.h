@@ -13,7 +13,7 @@
 #include "plumb/tilt.h"
 #include "plumb/wheel.h"
 
-#define PLUMB_RAW_MAX 12 /* raw counts of a step, then words of commands; a system uses the first few */
+#define PLUMB_RAW_MAX 15 /* raw counts of a step, then words of commands; a system uses the first few */
 
 /* plumb_params_t.system */
 #define PLUMB_SYSTEM_QUAD 0U
@@ -22,6 +22,7 @@
 #define PLUMB_SYSTEM_PHONE 3U
 #define PLUMB_SYSTEM_ATTITUDE 4U
 #define PLUMB_SYSTEM_QUADROTOR 5U
+#define PLUMB_SYSTEM_WHEELS 6U
 
 /* esc */
 typedef struct {
@@ -117,6 +118,23 @@ typedef struct {
     uint32_t lying_limit; /* 1..65535; steps on its back, at rest with the throttle low, after which the rotors stop */
 } plumb_quadrotor_params_t;
 
+/* wheels */
+typedef struct {
+    int32_t count_turnps_q28; /* -1073741824..1073741824; turn rate that one count of difference in a step shows; the sign turns the direction */
+    int32_t counts_max; /* 1..32767; largest difference of both wheels in a step; more is clamped and flagged */
+    int32_t bias_alpha_q31; /* 0..1073741824; share of the disagreement between gyro and wheels that the bias takes in a step */
+    int32_t doubt_turnps_q28; /* 0..268435456; largest disagreement that counts: what is beyond it is a slipping wheel */
+    int32_t slip_turnps_q28; /* 0..1073741824; disagreement of gyro and wheels that shows a slipping wheel */
+    uint32_t slip_hold; /* 0..65535; steps for which a wheel then counts as slipping */
+    int32_t turn_max_turnps_q28; /* 0..1073741824; turn rate that a full stick asks for */
+    int32_t integral_max_q30; /* 0..1073741824; largest integral part of the turn loop, share of the full duty */
+    int32_t turn_duty_max_q15; /* 0..32767; largest duty for turning */
+    uint32_t lost_steps; /* 1..65535; steps without a new frame of the receiver after which it is lost */
+    uint32_t absent_steps; /* 1..65535; steps without the rider after which the vehicle comes to rest */
+    uint32_t stopping_steps; /* 0..65534; steps after which it then stops */
+    uint32_t up_turn_q32; /* 0..2147483648; largest tilt at which a stopped vehicle takes a rider; half a turn: any */
+} plumb_wheels_params_t;
+
 /* Every parameter of the core, in words of 32 bits: the system, then the groups. */
 typedef struct {
     uint32_t system; /* PLUMB_SYSTEM_* */
@@ -144,6 +162,8 @@ typedef struct {
     plumb_prefilter_params_t gyro_filter;
     plumb_prefilter_params_t angular_filter;
     plumb_fusion_params_t fusion;
+    plumb_wheels_params_t wheels;
+    plumb_rate_loop_params_t turn;
 } plumb_params_t;
 
 #endif

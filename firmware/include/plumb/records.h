@@ -217,4 +217,57 @@ typedef struct {
     uint32_t step; /* number of this step in the run, from 1 */
 } plumb_quadrotor_words_t;
 
+/* wheels: a two-wheeled vehicle that steers: an MPU-6050, an encoder and a motor for each wheel, a rider's switch */
+#define PLUMB_WHEELS_FLAG_GYRO_CLAMPED (1U << 0) /* the count of the gyro about the axle was outside its range */
+#define PLUMB_WHEELS_FLAG_ACCEL_X_CLAMPED (1U << 1) /* the count of the acceleration forward was outside its range */
+#define PLUMB_WHEELS_FLAG_ACCEL_Z_CLAMPED (1U << 2) /* the count of the acceleration up was outside its range */
+#define PLUMB_WHEELS_FLAG_COMMAND_LIMITED (1U << 3) /* a limit of the balance loop acted */
+#define PLUMB_WHEELS_FLAG_WHEEL_CLAMPED (1U << 4) /* more counts than the wheels can turn, or an acceleration beyond its limit */
+#define PLUMB_WHEELS_FLAG_LEAN_LIMITED (1U << 5) /* a limit of the speed loop acted */
+#define PLUMB_WHEELS_FLAG_GYRO_UP_CLAMPED (1U << 6) /* the count of the gyro about the upward axis was outside its range */
+#define PLUMB_WHEELS_FLAG_FALLEN (1U << 7) /* kept until the run ends: both duties are 0 */
+#define PLUMB_WHEELS_FLAG_DRIVES (1U << 8) /* the motors are on */
+#define PLUMB_WHEELS_FLAG_TURN_LIMITED (1U << 9) /* turning asked for more than balance leaves */
+#define PLUMB_WHEELS_FLAG_SLIPS (1U << 10) /* gyro and wheels disagree: a wheel slips */
+#define PLUMB_WHEELS_FLAG_LOST (1U << 11) /* the receiver is lost: it stands */
+#define PLUMB_WHEELS_FLAGS_SATURATED (PLUMB_WHEELS_FLAG_GYRO_CLAMPED | PLUMB_WHEELS_FLAG_ACCEL_X_CLAMPED | PLUMB_WHEELS_FLAG_ACCEL_Z_CLAMPED | PLUMB_WHEELS_FLAG_WHEEL_CLAMPED | PLUMB_WHEELS_FLAG_GYRO_UP_CLAMPED) /* raw counts outside their range */
+typedef struct {
+    int32_t raw[15]; /* 9 counts, then words of commands, as given */
+    int32_t setpoint_speed_q15; /* as given: speed asked for without a receiver, share of drive.speed_max; with one a throttle, which nothing reads */
+    uint32_t phase; /* 0: stopped; 1: ridden; 2: the rider has left, it comes to rest */
+    int32_t rate_turnps_q28; /* calibrated gyro about the axle */
+    int32_t accel_x_g_q26; /* calibrated acceleration forward, the reaction to gravity: sin(tilt) at rest */
+    int32_t accel_z_g_q26; /* calibrated acceleration up */
+    plumb_wheel_t wheel;
+    int32_t gravity_x_g_q26; /* accel_x, the acceleration of the axle taken off */
+    int32_t tilt_measured_turn_q32; /* tilt of the acceleration alone */
+    uint32_t variance; /* R of this step */
+    plumb_kalman_t kalman;
+    int32_t tilt_turn_q32; /* fused tilt */
+    int32_t bias_turnps_q28; /* estimated bias of the gyro */
+    int32_t rate_corrected_turnps_q28; /* rate less bias */
+    uint32_t clamped_steps; /* steps so far with any raw count outside its range */
+    plumb_pid_t speed; /* loop of the speed: its error is in m/s Q26, its rate the acceleration of the axle in g Q25 */
+    plumb_pid_t pid; /* loop of the lean */
+    int32_t lean_turn_q32; /* tilt that the speed loop asks for */
+    int32_t duty_q15; /* duty that balance asks of both motors, -32767 to 32767 */
+    int32_t asked_mps_q26; /* velocity that is asked for */
+    int32_t asked_turnps_q28; /* turn rate that is asked for, positive to the left */
+    int32_t turn_gyro_turnps_q28; /* calibrated gyro about the upward axis */
+    int32_t turn_wheels_turnps_q28; /* turn rate that the difference of the wheels shows */
+    int32_t turn_bias_turnps_q28; /* estimated bias of that gyro */
+    int32_t turn_rate_turnps_q28; /* turn rate: gyro less bias */
+    plumb_rate_loop_t turn; /* loop of the turn rate: a command of 1 is the full duty */
+    int32_t sum_counts; /* counts of both encoders in this step; while a wheel slips, twice those of the other */
+    uint32_t slip_steps; /* steps for which a wheel still counts as slipping */
+    uint32_t phase_steps; /* steps in this phase */
+    uint32_t absent_steps; /* steps for which the rider's switch has been open */
+    uint32_t receiver_number; /* number of the receiver's newest frame; 0: no receiver is in use */
+    uint32_t age_steps; /* steps since a new frame of the receiver */
+    int32_t duty_left_q15; /* duty of the left motor, -32767 to 32767, positive forward */
+    int32_t duty_right_q15; /* duty of the right motor */
+    uint32_t flags; /* PLUMB_WHEELS_FLAG_* of this step */
+    uint32_t step; /* number of this step in the run, from 1 */
+} plumb_wheels_words_t;
+
 #endif

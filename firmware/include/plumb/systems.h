@@ -13,5 +13,6 @@
 #include "plumb/phone_tunings.h"
 #include "plumb/attitude.h"
 #include "plumb/quadrotor.h"
+#include "plumb/wheels.h"
 
 #endif

@@ -22,7 +22,7 @@ import numpy as np
 from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.checkout import CHECKOUT
 from plumb.errors import LinkError, UsageError
-from plumb.spec import dbc
+from plumb.spec import dbc, images
 from plumb.spec.records import RECORDS, Words
 from plumb.systems.run_fixed import check_inputs, parts_of
 from plumb.systems.tasks import Task
@@ -35,7 +35,8 @@ MACHINES = {"m0": "microbit", "m3": "mps2-an385", "m4": "mps2-an386", "m7": "mps
 """QEMU's name of a machine with each core. The Cortex-M3 runs the core as the flash image has it, the others the same
 sources compiled for them."""
 DEFAULT_CORE = "m3"
-IMAGES = Path("build/stm32f103")
+IMAGES, WHOLE = Path("build/stm32f103"), Path("build/qemu")
+"""Programs of the systems of `all`, and of every system, where `all` leaves one out."""
 MAGIC_IN = 0x49424C50
 MAGIC_OUT = 0x4F424C50
 SAMPLE_DTYPE = np.dtype([("raw", "<i2", dbc.inputs_most()), ("setpoint", "<i4")], align=True)
@@ -55,8 +56,8 @@ def image_name(core: str = DEFAULT_CORE) -> str:
     return "plumb_qemu.elf" if core == DEFAULT_CORE else f"plumb_qemu_{core}.elf"
 
 
-def _find_image(core: str) -> Path:
-    image = IMAGES / image_name(core)
+def _find_image(core: str, builds: Path = IMAGES) -> Path:
+    image = builds / image_name(core)
     for folder in (Path.cwd(), CHECKOUT):
         if (folder / image).is_file():
             return (folder / image).resolve()
@@ -117,9 +118,14 @@ class QemuBoard(Board):
         program = shutil.which(PROGRAM)
         if program is None:
             raise UsageError(f"{PROGRAM} is not installed; on Debian or Ubuntu: apt install qemu-system-arm")
-        self.image = image or _find_image(core)
+        self.image, self._named, self._core = image or _find_image(core), image is not None, core
         self._command = [program, "-M", MACHINES[core], "-icount", "shift=5", "-nographic"]
-        self._command += ["-semihosting-config", "enable=on,target=native", "-kernel", str(self.image)]
+        self._command += ["-semihosting-config", "enable=on,target=native", "-kernel"]
+
+    def _program(self, system: str) -> Path:
+        """The ELF file that runs a system; where none was named, the one of every system where `all` leaves it out."""
+        left_out = not self._named and system in images.beside_all()
+        return _find_image(self._core, WHOLE) if left_out else self.image
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         """Raises LinkError when QEMU fails or hangs, UsageError when the image refuses the parameters."""
@@ -145,7 +151,7 @@ class QemuBoard(Board):
         with tempfile.TemporaryDirectory(prefix="plumb-qemu-") as temporary:
             folder = Path(temporary)
             (folder / "plumb-in.bin").write_bytes(b"".join(given))
-            code = _run(self._command, folder, START_UP_S + steps * 1e-3)
+            code = _run([*self._command, str(self._program(params.system))], folder, START_UP_S + steps * 1e-3)
             if code:
                 raise UsageError(f"the QEMU image stopped: {_EXIT_REASONS[code]}")
             return self._answer((folder / "plumb-out.bin").read_bytes(), steps, params.system)

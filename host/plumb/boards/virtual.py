@@ -14,6 +14,7 @@ from plumb.boards.virtual_machine import START_US, open_machine
 from plumb.flash.image import find_image
 from plumb.link.paced import PacedRun
 from plumb.link.session import Session
+from plumb.spec import images
 
 if TYPE_CHECKING:
     from plumb.tuning.quantise import Changes, ControlParams
@@ -24,13 +25,24 @@ class VirtualBoard(LinkBoard):
     the file of the flash image and its contents."""
 
     def __init__(self, image: Path | None = None, link: str = "serial") -> None:
+        self._link, self._named = link, image is not None
+        self._power("the image of the checkout" if image is None else str(image), image)
+        super().__init__("virtual", self._connect())
+
+    def _power(self, running: str, image: Path | None) -> None:
         self.image = find_image(image)
         self.machine = open_machine(self.image)
         self.image_bytes = self.image.read_bytes()
-        self._link = link
-        running = "the image of the checkout" if image is None else str(image)
         self.machine.uart.name = f"the virtual board with {running}"
-        super().__init__("virtual", self._connect())
+
+    def _upload(self, params: ControlParams) -> None:
+        """Where no image was named, a system that `all` leaves out gets its own."""
+        left_out = not self._named and params.system in images.beside_all()
+        if left_out and params.system not in self.session.require_match().systems:
+            self.session.close()
+            self._power(f"the image {params.system} of the checkout", Path(params.system))
+            self.session = self._connect()
+        super()._upload(params)
 
     def _connect(self) -> Session:
         if self._link != "can":

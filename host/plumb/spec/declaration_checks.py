@@ -245,6 +245,8 @@ def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTa
         raise UsageError(f"sensors is one of {', '.join(SENSORS)}, not {system.sensors}")
     if system.missing_samples not in ("held", "marked"):
         raise UsageError(f"missing_samples is held or marked, not {system.missing_samples}")
+    if not isinstance(system.in_all, bool):
+        raise UsageError(f"in_all is true or false, not {system.in_all!r:.40}")
     if system.optimise not in ("speed", "size"):
         raise UsageError(f"optimise is speed or size, not {system.optimise}")
     if len(system.channels) > COUNTS_MAX:

@@ -204,6 +204,7 @@ def _system(folder: Path, table: TomlTable, above: tuple[str, ...]) -> System:
         commands=dict(table.get("commands", {})),
         default_for=tuple(table.get("default_for", ())),
         images=tuple(table.get("images", ())),
+        in_all=table.get("in_all", True),
         step_commands=step_commands,
         command_source=table.get("command_source", "link"),
         stands_on=tuple(base.name for base in bases),

@@ -1,7 +1,8 @@
 """The flash images by name: which systems each holds, and how much flash and RAM it may take.
 
 `images.toml` has the named sets and their limits. Which systems a set holds follows from the declarations of the
-systems: a new system has an image of its own and is in `all` without an edit of any file.
+systems: a new system has an image of its own and is in `all` without an edit of any file. One that says
+`in_all = false` is left out of `all`, whose flash a C8 limits.
 """
 
 from __future__ import annotations
@@ -42,10 +43,18 @@ def images() -> dict[str, Image]:
         for name, system in systems.items()
     }
     for name in limits:
-        held = tuple(system.name for system in systems.values() if name == ALL or name in system.images)
+        held = tuple(
+            system.name for system in systems.values() if (system.in_all if name == ALL else name in system.images)
+        )
         if held:
             found[name] = Image(name, held, *limits[name])
     return found
+
+
+def beside_all() -> dict[str, Image]:
+    """Name -> own image of each system that `all` leaves out: what runs it where no image is named."""
+    found = images()
+    return {name: found[name] for name, system in declarations.systems().items() if not system.in_all}
 
 
 def image(name: str) -> Image:
@@ -87,8 +96,10 @@ def to_flash(wanted: str, present: Sequence[str]) -> Image:
 def held_groups(systems: Collection[str]) -> frozenset[str]:
     """The parameter groups that an image of these systems holds: all but those that only other systems read; and the
     parts of a board with parameters that its systems use. What it does not hold is a constant there, at its
-    factory value."""
+    factory value. The image `all` holds every group, also those of a system that it leaves out."""
     declared = declarations.systems()
+    if {name for name, system in declared.items() if system.in_all} <= set(systems):
+        systems = tuple(declared)
     read = {name: {*system.all_groups, *system.parts, *ALWAYS_HELD} for name, system in declared.items()}
     others = set().union(*read.values())
     mine = set().union(*(read[name] for name in systems if name in read))

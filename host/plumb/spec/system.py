@@ -48,8 +48,10 @@ TYPES = {"int32": "<i4", "uint32": "<u4", "int64": "<i8"}
 """Type of a declared word -> numpy type."""
 SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE", "SIX_AXES")
 """Sensor sets that a board can sample (CONTROL_SENSORS_ in firmware/systems/control.h)."""
-OUTPUTS = {"PULSES": 2, "BRIDGE": 1, "ROTORS": 4}
+OUTPUTS = {"PULSES": 2, "BRIDGE": 1, "ROTORS": 4, "WHEELS": 2}
 """Kind of actuator (CONTROL_OUTPUT_) -> number of record words that drive it."""
+ON_NO_PINS = ("WHEELS",)
+"""Kinds that no pin set of the board drives: a system with one is never armed."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,8 @@ class System:
     commands: the system's own commands of the command line, name -> one sentence; their modules are in the folder
     `commands` of judging.
     default_for: parts (`replay`, `demo`) for which this system is the default of the command.
-    images: sets of flash images that hold the system, besides its own and the one of all (images.toml).
+    images: sets of flash images that hold the system, besides its own and `all` (images.toml); in_all: False for one
+    that `all` leaves out, because a C8 has no room for it.
     """
 
     name: str
@@ -201,6 +204,7 @@ class System:
     commands: Mapping[str, str]
     default_for: tuple[str, ...]
     images: tuple[str, ...]
+    in_all: bool = True
     step_commands: tuple[Command, ...] = ()
     command_source: str = "link"
     stands_on: tuple[str, ...] = ()
@@ -220,6 +224,11 @@ class System:
     def is_driven(self) -> bool:
         """True for a system with an actuator: its sensors are checked; it may be armed."""
         return self.output in OUTPUTS
+
+    @property
+    def is_armed(self) -> bool:
+        """True for a system with an actuator that a pin set of the board drives."""
+        return self.is_driven and self.output not in ON_NO_PINS
 
     @property
     def checked_by(self) -> str:

@@ -1,0 +1,1 @@
+"""What judges `wheels`: plots, figures, limits, margins of its loops."""

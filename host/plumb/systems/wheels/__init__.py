@@ -1,0 +1,1 @@
+"""A two-wheeled vehicle that steers."""

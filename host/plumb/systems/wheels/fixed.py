@@ -1,0 +1,183 @@
+"""`wheels` in integers: counts, speed and turn rate to the duties of two motors.
+
+The functions have the names of docs/reference/arithmetic/wheels.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from plumb.kernels.fixed import kernels, plausibility
+from plumb.kernels.fixed.kernels import Params, PidState
+from plumb.kernels.fixed.rate_loop import Conditions, RateLoopState, rate_loop_step
+from plumb.kernels.integers import Integer, clamp, mul, select
+from plumb.spec import declarations
+from plumb.systems.balancer import fixed as balancer
+
+STOPPED, RIDDEN, STOPPING = range(3)
+GYRO, ACCEL_X, ACCEL_Z, GYRO_UP, LEFT, RIGHT, RIDER = range(7)
+ROLL, PITCH, YAW, _SWITCHES, RECEIVER = range(9, 14)
+FULL_Q15, STEPS_MOST = 32767, 65535
+BIAS_MOST = 1 << 27
+"""turn/s Q28."""
+TURN_MOST = 4 << 28
+WHEEL_CLAMPED, GYRO_UP_CLAMPED, FALLEN = 1 << 4, 1 << 6, 1 << 7
+DRIVES, TURN_LIMITED, SLIPS, LOST = 1 << 8, 1 << 9, 1 << 10, 1 << 11
+BALANCER_INPUTS = 7
+"""Words of a record of balancer before its first value: six counts and the setpoint."""
+BALANCER_TILT, BALANCER_DUTY = 25, -3
+"""Places in such a record."""
+VALUES = slice(BALANCER_INPUTS, -2)
+"""From the calibrated gyro to the duty."""
+
+
+@dataclass(slots=True)
+class ControlState:
+    balancer: balancer.ControlState
+    turn: RateLoopState
+    counts: tuple[Integer, Integer]
+    phase: Integer
+    tilt: Integer
+    bias: Integer
+    sum: Integer
+    slip: Integer
+    absent: Integer
+    phase_steps: Integer
+    number: Integer
+    age: Integer
+    step: Integer
+
+
+def control_init(p: Params) -> ControlState:
+    zero = 0 * p["wheels.lost_steps"]
+    loop = RateLoopState(zero, zero, zero, zero)
+    return ControlState(balancer.control_init(p), loop, (zero, zero), zero + STOPPED, *[zero] * 9)
+
+
+def wrap_i16(x: Integer) -> Integer:
+    return ((x + 0x8000) & 0xFFFF) - 0x8000
+
+
+def by_stick(stick: Integer, most: Integer) -> Integer:
+    """Share of the most that a stick, Q15, asks for, in the format of the most."""
+    return 2 * mul(clamp(stick, -FULL_Q15, FULL_Q15) << 16, most)
+
+
+def listen(c: ControlState, p: Params, receiver: Integer) -> Integer:
+    """Whether the receiver is lost."""
+    number = receiver & 255
+    same = (number != 0) & (number == c.number)
+    c.age = select(same, clamp(c.age + 1, 0, STEPS_MOST), 0 * c.age)
+    c.number = number
+    return (number != 0) & (((receiver & 256) != 0) | (c.age >= p["wheels.lost_steps"]))
+
+
+def decide(c: ControlState, p: Params, present: Integer) -> None:
+    """The phase of this step, from the tilt of the step before."""
+    before = c.phase
+    c.absent = select(present, 0 * c.absent, clamp(c.absent + 1, 0, STEPS_MOST))
+    c.phase_steps = clamp(c.phase_steps + 1, 0, STEPS_MOST)
+    takes = present & (abs(c.tilt) <= p["wheels.up_turn_q32"])
+    stays = c.absent < p["wheels.absent_steps"]
+    over = c.phase_steps > p["wheels.stopping_steps"]
+    left = select(before == RIDDEN, 0 * before + STOPPING, select(over, 0 * before + STOPPED, before))
+    driven = select(stays, 0 * before + RIDDEN, left)
+    c.phase = select(before == STOPPED, select(takes, 0 * before + RIDDEN, before), driven)
+    c.phase_steps = select(c.phase == before, c.phase_steps, 0 * c.phase_steps)
+
+
+def turning(
+    c: ControlState, p: Params, difference: Integer, count: Integer
+) -> tuple[Integer, Integer, Integer, Integer]:
+    """Turn rates of the gyro and of the wheels; the rate less bias; flags."""
+    gyro, clamped = kernels.calibrate(count, p, "gyro")
+    used = clamp(difference, -p["wheels.counts_max"], p["wheels.counts_max"])
+    rolled = used * p["wheels.count_turnps_q28"]
+    apart = (gyro >> 1) - (rolled >> 1) - (c.bias >> 1)
+    doubt = p["wheels.doubt_turnps_q28"] >> 1
+    seen = abs(apart) > p["wheels.slip_turnps_q28"] >> 1
+    c.slip = select(seen, p["wheels.slip_hold"] + 0 * c.slip, c.slip - select(c.slip != 0, 1, 0))
+    followed = c.bias + 4 * mul(clamp(apart, -doubt, doubt), p["wheels.bias_alpha_q31"])
+    c.bias = select(c.slip == 0, clamp(followed, -BIAS_MOST, BIAS_MOST), c.bias)
+    flags = clamped * GYRO_UP_CLAMPED | select(used != difference, WHEEL_CLAMPED, 0)
+    return gyro, rolled, gyro - c.bias, flags
+
+
+def both(before: Integer, left: Integer, right: Integer, slips: Integer) -> Integer:
+    """Counts of both wheels in a step; while one slips, twice those of the wheel that went on as before."""
+    steady = select(abs(2 * left - before) <= abs(2 * right - before), 2 * left, 2 * right)
+    return select(slips, steady, left + right)
+
+
+def at_rest(pid: PidState, stopped: Integer) -> PidState:
+    """The controller, or where the vehicle is stopped one that begins."""
+    return PidState(*(select(stopped, 0 * word, word) for word in (getattr(pid, name) for name in PidState.__slots__)))
+
+
+def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: Integer) -> tuple[Integer, ...]:
+    """One step; returns the values of the record's words, in order."""
+    first, c.step = c.step == 0, c.step + 1
+    counts = raw[LEFT], raw[RIGHT]
+    left, right = (select(first, 0 * now, wrap_i16(now - last)) for now, last in zip(counts, c.counts, strict=True))
+    c.counts = counts
+    lost = listen(c, p, raw[RECEIVER])
+    decide(c, p, raw[RIDER] > 0)
+    obeys = (c.phase == RIDDEN) & (lost == 0)
+    speed = select(c.number != 0, raw[PITCH], clamp(setpoint, -FULL_Q15, FULL_Q15))
+    none = 0 * c.phase
+    asked = select(obeys, by_stick(speed, p["drive.speed_max_mps_q26"]), none)
+    asked_turn = select(obeys, by_stick(raw[YAW] - raw[ROLL], p["wheels.turn_max_turnps_q28"]), none)
+
+    stopped = c.phase == STOPPED
+    b = c.balancer
+    b.speed, b.pid = at_rest(b.speed, stopped), at_rest(b.pid, stopped)
+    gyro, rolled, rate, turn_flags = turning(c, p, right - left, raw[GYRO_UP])
+    slips = c.slip != 0
+    c.sum = both(c.sum, left, right, slips)
+    zero = 0 * raw[LEFT]
+    one_wheel = (raw[GYRO], raw[ACCEL_X], raw[ACCEL_Z], wrap_i16(b.hall + c.sum), zero, zero)
+    record = balancer.control_step(b, p, one_wheel, asked)
+    c.tilt, duty = record[BALANCER_TILT], record[BALANCER_DUTY]
+
+    flags = record[-2] | turn_flags
+    drives = (stopped == 0) & ((flags & FALLEN) == 0)
+    shared = Conditions((1 << 31) - 1, p["wheels.integral_max_q30"], drives, slips == 0)
+    rate_loop_step(c.turn, p, "turn", shared, asked_turn, rate)
+    room = p["drive.duty_max_q15"] - abs(duty)
+    room = select(room < p["wheels.turn_duty_max_q15"], room, p["wheels.turn_duty_max_q15"])
+    room = select(slips, 0 * room, room)
+    wanted = c.turn.demand_q24 >> 9
+    turn = clamp(wanted, -room, room)
+    c.turn.excess_q24 = select(drives, (wanted - turn) << 9, 0 * wanted)
+    duties = select(drives, duty - turn, 0 * duty), select(drives, duty + turn, 0 * duty)
+    flags = flags | select(drives, DRIVES, 0) | select(drives & (wanted != turn), TURN_LIMITED, 0)
+    flags = flags | select(slips, SLIPS, 0) | select(lost, LOST, 0)
+    return (
+        *raw, setpoint, c.phase, *record[VALUES], asked, asked_turn, gyro, rolled, c.bias, rate, *c.turn.words(),
+        c.sum, c.slip, c.phase_steps, c.absent, c.number, c.age, *duties, flags, c.step,
+    )  # fmt: skip
+
+
+def control_retune(c: ControlState, old: Params, new: Params) -> None:
+    """Other gains from the next step on."""
+    balancer.control_retune(c.balancer, old, new)
+
+
+def control_valid(p: Params) -> bool:
+    """As balancer, every word of the declaration within its range, and what the wheels may show."""
+    rows = declarations.system("wheels").parameters
+    within = all(row["min"] <= int(p[row["name"]]) <= row["max"] for row in rows)
+    shown = abs(int(p["wheels.count_turnps_q28"])) * int(p["wheels.counts_max"])
+    return within and shown <= TURN_MOST and balancer.control_valid(p)
+
+
+PLAUSIBLE = plausibility.Bounds(
+    setpoint="setpoint_speed_q15",
+    accel=("accel_x_g_q26", "accel_z_g_q26"),
+    accel_g2_q20=(round(0.4**2 * 2**20), round(1.8**2 * 2**20)),
+    rest_g2_q20=(round(0.9**2 * 2**20), round(1.1**2 * 2**20)),
+    rest_turnps_q28=round(10.0 / 360.0 * 2**28),
+    uneven_turn_q32=round(30.0 / 360.0 * 2**32),
+    ready_turn_q32=round(10.0 / 360.0 * 2**32),
+)

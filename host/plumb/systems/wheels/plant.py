@@ -1,0 +1,140 @@
+"""The plant of `wheels`: one vehicle, its sensors, its rider and its receiver."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from plumb.physics.imu import MPU6050, Imu
+from plumb.spec import declarations
+from plumb.systems.prescribed import put_faults
+from plumb.systems.wheels import rides
+from plumb.systems.wheels.drawn_run import Prescribed, Scenario
+from plumb.systems.wheels.vehicle import GRID_S, GRIP, Outside, Vehicle
+
+FULL_Q15 = 32767
+SPEED_MAX_MPS, TURN_MAX_DPS = 1.0, 90.0
+"""What full sticks ask for."""
+FRAME_S, NUMBERS = 1.0 / 150.0, 255
+"""The receiver hears 150 frames a second (CRSF), numbered 1 to 255 in a circle."""
+Duties = tuple[float | None, float | None]
+
+
+class WheelsPlant:
+    """`follow` sets the duties, `counts` returns samples and commands. open_loop: an ideal controller drives, and the
+    duties are ignored."""
+
+    def __init__(self, scenario: Scenario, *, open_loop: bool = False) -> None:
+        self.scenario, self._ideal = scenario, open_loop
+        ride = scenario.ride
+        self.vehicle = Vehicle(ride.slope_deg, ride.shift_m, scenario.supply)
+        self.imu = Imu(MPU6050, scenario.imu[:, None], scenario.period_us * 1e-6)
+        self.step = 0
+        self._frozen: dict[int, int] = {}
+        self._duties: Duties = (None, None)
+
+    def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
+        """Simulate up to time_s with these duties; without any the motors coast."""
+        duties = tuple(outputs[f"duty_{side}_q15"] / 32768.0 if outputs else None for side in ("left", "right"))
+        self.drive_to(time_s, (duties[0], duties[1]))
+
+    def drive_to(self, time_s: float, duties: Duties) -> None:
+        """Simulate up to time_s with these duties, -1..1 each, None: the motor coasts."""
+        run, vehicle = self.scenario, self.vehicle
+        while self.step < math.floor(time_s / GRID_S + 1e-6):
+            now_s = self.step * GRID_S
+            given = duties
+            if self._ideal:
+                sample = self._sample(now_s)
+                riding = self.ridden(now_s)
+                given = vehicle.ideal(run.asked_mps[sample] * riding, run.asked_dps[sample] * riding)
+            push = float(run.push_radps2[self.step % len(run.push_radps2)])
+            vehicle.advance(given, Outside(push, self._grip(now_s), self.ridden(now_s), now_s < rides.HELD_S))
+            self.step += 1
+
+    def ridden(self, time_s: float) -> bool:
+        """Whether the rider stands on it."""
+        return not (self.scenario.ride.leaves and time_s >= rides.HAPPENS_S)
+
+    def _grip(self, time_s: float) -> tuple[float, float]:
+        ride = self.scenario.ride
+        icy = rides.HAPPENS_S <= time_s < rides.HAPPENS_S + ride.ice_s
+        left, right = (rides.ICE if icy and slips else GRIP for slips in ride.ice)
+        return left, right
+
+    def _heard(self, time_s: float) -> int:
+        """Number of the receiver's newest frame, and the sample at which it was sent; 0: it is not in use."""
+        ride = self.scenario.ride
+        if not ride.by_receiver:
+            return 0
+        if rides.HAPPENS_S <= time_s < rides.HAPPENS_S + ride.silent_s:
+            time_s = rides.HAPPENS_S
+        return int(time_s / FRAME_S + 1e-6) + 1
+
+    def asked(self, time_s: float) -> tuple[float, float]:
+        """Speed in m/s and turn rate in deg/s that the person asks for."""
+        sample = self._sample(time_s)
+        return float(self.scenario.asked_mps[sample]), float(self.scenario.asked_dps[sample])
+
+    def counts(self, time_s: float) -> tuple[int, ...]:
+        """All inputs of the sample at time_s, which `follow` has reached."""
+        run, vehicle, k = self.scenario, self.vehicle, self._sample(time_s)
+        force_g = np.array(vehicle.force_g()) + run.vibration_g[k]
+        rate = np.array(vehicle.rates_dps())
+        six = self.imu.counts(time_s, rate[:, None], force_g[:, None], run.white[k][:, None])[0].tolist()
+        left, right = ((count + 0x8000) % 0x10000 - 0x8000 for count in vehicle.counts())
+        row = [six[1], six[3], six[5], six[2], left, right, int(self.ridden(time_s))]
+        for fault in run.faults:
+            channel = fault.channel
+            if fault.start_s <= time_s < fault.stop_s:
+                start, noise = self._frozen.setdefault(channel, row[channel]), run.fault_noise[channel, k]
+                found = fault.counts(np.array([row[channel]]), np.array([time_s]), start, np.array([noise]))
+                row[channel] = int(found[0])
+        return (*row, 0, 0, *self._commands(time_s))
+
+    def _commands(self, time_s: float) -> tuple[int, ...]:
+        """Roll, pitch, yaw, switches, receiver, and one unused; while the receiver is silent they stay as they are."""
+        frame = self._heard(time_s)
+        speed, turn = self.asked((frame - 1) * FRAME_S if frame else time_s)
+        pitch = round(FULL_Q15 * speed / SPEED_MAX_MPS) if frame else 0
+        yaw = round(FULL_Q15 * turn / TURN_MAX_DPS)
+        return 0, pitch, yaw, 0, (frame - 1) % NUMBERS + 1 if frame else 0, 0
+
+    def truth(self, time_s: float) -> dict[str, float]:
+        """True tilt, gyro bias about the axle, rate, velocity, turn rate, and what is asked for."""
+        vehicle = self.vehicle
+        speed, turn = self.asked(time_s)
+        return {
+            "tilt_deg": math.degrees(vehicle.tilt_rad),
+            "bias_dps": float(self.imu.bias_now_dps(time_s)[1, 0]),
+            "rate_dps": math.degrees(vehicle.rate_radps),
+            "velocity_mps": vehicle.velocity_mps,
+            "turn_dps": math.degrees(vehicle.turn_radps),
+            "asked_mps": speed,
+            "asked_dps": turn,
+        }
+
+    def setpoint(self, time_s: float) -> int:
+        """Speed that is asked for without a receiver, Q15."""
+        return 0 if self.scenario.ride.by_receiver else round(FULL_Q15 * self.asked(time_s)[0] / SPEED_MAX_MPS)
+
+    def _sample(self, time_s: float) -> int:
+        return int(time_s * 1e6 / self.scenario.period_us + 1e-6) % self.scenario.steps
+
+
+def prescribed(run: Scenario) -> Prescribed:
+    """The ride of the ideal controller in a run, with the faults of its sensors."""
+    plant = WheelsPlant(replace(run, faults=()), open_loop=True)
+    declared, raw, speed, rows = declarations.system("wheels"), [], [], []
+    for time_s in run.time_s.tolist():
+        plant.follow(time_s, {})
+        raw.append(declared.whole_inputs(plant.counts(time_s)))
+        speed.append(plant.setpoint(time_s))
+        rows.append(plant.truth(time_s))
+    counts = np.array(raw, np.int16)
+    put_faults(counts, run.faults, run.time_s, run.fault_noise)
+    truth = {name: np.array([row[name] for row in rows], np.float64) for name in rows[0]}
+    return Prescribed(counts, np.array(speed, np.int32), truth)

@@ -1,0 +1,63 @@
+"""The rides of `wheels`: what is asked for, and what happens.
+
+A hand holds the vehicle upright for 3 s; the rider then stands on it. Speeds are asked for at random times, pushes
+come from in front and behind, and rough ground disturbs it all the time, as in `balancer`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+HELD_S, BEGINS_S = 3.0, 6.0
+"""Until when the hand holds it; when the first speed is asked for."""
+HAPPENS_S = 12.0
+"""When ice, the rider's leaving, a silence of the receiver or the last push comes."""
+SPEED_MPS, TURN_DPS, TURN_S = 0.6, 60.0, 3.0
+ICE, ON_ICE_S, ON_ICE_MPS2 = 0.05, 0.3, 3.0
+
+
+@dataclass(frozen=True)
+class Ride:
+    """slope_deg: upwards ahead. shift_m: of the centre of mass of rider and body together, forward. ice: which wheels,
+    left and right, slip; for ice_s from HAPPENS_S on, with a push ON_ICE_S later. speed_mps, then_mps: asked for before
+    and after that push, else speeds at random. turns: 60 deg/s and 0 in turn. leaves: the rider steps off at HAPPENS_S.
+    silent_s: of the receiver, from HAPPENS_S on; by_receiver: it steers. topples: a push that nobody can balance."""
+
+    title: str
+    seconds: float = 20.0
+    slope_deg: float = 0.0
+    shift_m: float = 0.0
+    ice: tuple[bool, bool] = (False, False)
+    ice_s: float = 0.0
+    speed_mps: float | None = None
+    then_mps: float = 0.4
+    turns: bool = False
+    leaves: bool = False
+    by_receiver: bool = False
+    silent_s: float = 0.0
+    topples: bool = False
+    pushes: bool = True
+
+
+LEVEL = Ride("level ground, pushes, a new speed every few seconds")
+STEADY = Ride("level ground at 0.4 m/s", 16.0, speed_mps=0.4, pushes=False)
+RIDES = {
+    "level": LEVEL,
+    "slope": replace(LEVEL, title="up and down a slope of 10 deg, pushes", slope_deg=10.0),
+    "shifted": replace(LEVEL, title="the mass shifted forward by 15 mm, pushes", shift_m=0.015),
+    "turns": replace(LEVEL, title="turn rates of 0 and 60 deg/s in turn, pushes", turns=True),
+    "ice-one": replace(
+        STEADY, title="the left wheel on ice for 2 s: pushed, slows to 0.1 m/s", then_mps=0.1, ice=(True, False),
+        ice_s=2.0,
+    ),
+    "ice-both": replace(
+        STEADY, title="both wheels on ice for 1 s: pushed, slows to 0.1 m/s", then_mps=0.1, ice=(True, True), ice_s=1.0,
+    ),
+    "steps-off": replace(STEADY, title="the rider steps off at 0.4 m/s", leaves=True),
+    "receiver": replace(
+        LEVEL, title="steered by a receiver that falls silent for a second", seconds=16.0, by_receiver=True, turns=True,
+        silent_s=1.0,
+    ),
+    "topples": replace(STEADY, title="a push that nobody can balance", topples=True),
+}  # fmt: skip
+"""Name -> ride."""
