@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TypedDict
@@ -36,6 +36,7 @@ from plumb.boards.virtual import VirtualBoard
 from plumb.checkout import CHECKOUT
 from plumb.errors import UsageError
 from plumb.flash.call_graph import CallGraph
+from plumb.flash.named_images import named_image
 from plumb.kernels.reference import kernels as reference_kernels
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.proof import golden
@@ -43,10 +44,10 @@ from plumb.proof.accuracy import TURN_DEG, chain_error_deg, filter_error_deg, ha
 from plumb.proof.compare import count_mismatches
 from plumb.proof.golden_random import random_bits
 from plumb.proof.golden_recipe import WILD
-from plumb.spec import declarations
+from plumb.spec import declarations, images
 from plumb.spec.protocol import protocol
 from plumb.spec.records import RECORDS, Words
-from plumb.spec.system import COMMAND_WORDS_MAX, COUNTS_MAX, WORDS_PER_FRAME
+from plumb.spec.system import COMMAND_WORDS_MAX, COUNTS_MAX, WORDS_PER_FRAME, group_of
 from plumb.tuning.groups import pid_of
 from plumb.tuning.quantise import ControlParams, quantise
 
@@ -240,14 +241,20 @@ def _pack(numbers: npt.ArrayLike, kind: str) -> bytes:
 class StepDriver:
     """Runs control_init and control_step in a counter, which collects their profiles."""
 
-    def __init__(self, counter: Counter) -> None:
-        self._counter = counter
+    def __init__(self, counter: Counter, groups: Collection[str] | None = None) -> None:
+        """groups: of parameters that the image holds; None: all."""
+        self._counter, self._groups = counter, groups
         self._control, self._room = counter.place(bytes(CONTROL_BYTES)), counter.place(bytes(INPUT_BYTES))
         self._table = counter.place(bytes(4 * 256))
 
     def begin(self, params: ControlParams) -> None:
         """The initial state."""
-        self._counter.write(self._table, _pack(np.array(params.words()) & 0xFFFF_FFFF, "<u4"))
+        held = [
+            word
+            for name, word in params.values.items()
+            if self._groups is None or group_of(name) in {*self._groups, ""}
+        ]
+        self._counter.write(self._table, _pack(np.array(held) & 0xFFFF_FFFF, "<u4"))
         self._counter.call("control_init", self._control, self._table)
 
     def step(self, counts: npt.ArrayLike, setpoint: int) -> None:
@@ -277,9 +284,12 @@ def _run_control(counter: Counter, tunings: Sequence[str]) -> list[_Run]:
 
 def _step_of(elf: Image, system: str) -> Row:
     """Row of another system's step over the first steps of every vector of its recipe; its error is that of its
-    scenario."""
+    scenario. One that `elf` leaves out is measured in its own image."""
+    own_image, groups = images.beside_all().get(system), None
+    if own_image is not None:
+        elf, groups = Image(named_image(system).with_suffix(".elf")), images.held_groups(own_image.systems)
     counter = Counter(elf, ["control_step"])
-    driver = StepDriver(counter)
+    driver = StepDriver(counter, groups)
     steps = WILD_STEPS if declarations.system(system).cycles_mean is None else SPREAD_STEPS
     for case in golden.cases(golden.vectors_folder(None), [system]):
         vector = case.vector
