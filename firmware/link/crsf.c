@@ -42,6 +42,10 @@ static void drop(crsf_t *c, size_t count) {
 
 /* Behind a frame in bytes that only looked like a longer one are too few for another. */
 crsf_event_t crsf_push(crsf_t *c, uint8_t byte) {
+    /* Damaged memory: no check word covers it, so it must write nowhere else. */
+    if (c->used > c->length || c->length - c->used >= (int)CRSF_FRAME_BYTES || c->length > CRSF_FRAME_BYTES) {
+        c->length = c->used = 0;
+    }
     drop(c, c->used);
     c->used = 0;
     c->bytes[c->length++] = byte;

@@ -20,6 +20,7 @@ uint32_t injected_first_doubt(const uint32_t words[PARAMS_COUNT], const int16_t 
                               uint32_t steps);
 
 size_t receiver_follow(const uint8_t *bytes, size_t count, receiver_row_t *rows);
+size_t crsf_after_damage(uint8_t length, uint8_t used, const uint8_t *bytes, size_t count, uint32_t *harmed);
 size_t pulses_follow(const uint32_t *edges_us, size_t count, uint32_t turn_us, receiver_row_t *rows);
 
 /* Memory is not checked here. */
@@ -139,6 +140,26 @@ size_t pulses_follow(const uint32_t *edges_us, size_t count, uint32_t turn_us, r
         for (unsigned k = 0; k < PPM_CHANNELS; k++) {
             row->channels[k] = p.pulse_us[k];
         }
+    }
+    return found;
+}
+
+/* Frames of channels in a stream, by a parser whose counts were damaged before; harmed: bytes behind its
+ * memory that it has changed. */
+size_t crsf_after_damage(uint8_t length, uint8_t used, const uint8_t *bytes, size_t count, uint32_t *harmed) {
+    struct {
+        crsf_t parser;
+        uint8_t behind[512];
+    } memory = {.parser = {.length = length, .used = used}};
+    size_t found = 0;
+
+    memset(memory.behind, 0xA5, sizeof memory.behind);
+    for (size_t i = 0; i < count; i++) {
+        found += crsf_push(&memory.parser, bytes[i]) == CRSF_STICKS;
+    }
+    *harmed = 0;
+    for (size_t i = 0; i < sizeof memory.behind; i++) {
+        *harmed += memory.behind[i] != 0xA5U;
     }
     return found;
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import random
 from dataclasses import replace
 from itertools import combinations
@@ -10,6 +11,7 @@ import pytest
 
 from plumb.spec import crsf, declarations
 from plumb.systems.quadrotor import scenarios
+from support import link_functions
 from support.receiver_twin import LENGTHS, by_firmware, by_twin, frames_in
 
 GAP = bytes(26)
@@ -206,3 +208,14 @@ def test_the_frames_of_a_scenario_bring_its_inputs_back(name: str) -> None:
 def test_a_frame_of_inputs_has_the_signs_of_the_commands() -> None:
     rows = by_firmware(3 * crsf.of_inputs(8000, 1000, -2000, 3000, 3))
     assert rows[-1].words[:4] == pytest.approx((8000, 1000, -2000, 3000), abs=40) and rows[-1].words[4] == 3
+
+
+def test_a_parser_whose_counts_were_damaged_writes_nowhere_else_and_hears_the_next_frame() -> None:
+    """Its memory has no check word: a flipped bit in it is as one on the line, and must stay so."""
+    stream, harmed = crsf.sticks() * 2, ctypes.c_uint32()
+    for length in (0, 1, 2, 25, 26, 27, 28, 64, 128, 255):
+        for used in (0, 1, 14, 26, 27, 64, 128, 255):
+            count = link_functions.library().crsf_after_damage(
+                ctypes.c_uint8(length), ctypes.c_uint8(used), stream, ctypes.c_size_t(len(stream)), ctypes.byref(harmed)
+            )
+            assert count >= 1 and harmed.value == 0, (length, used)

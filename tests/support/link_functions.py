@@ -24,6 +24,7 @@ def library() -> ctypes.CDLL:
     loaded.injected_first_doubt.restype = ctypes.c_uint32
     loaded.receiver_follow.restype = ctypes.c_size_t
     loaded.pulses_follow.restype = ctypes.c_size_t
+    loaded.crsf_after_damage.restype = ctypes.c_size_t
     loaded.keepalive_study.restype = ctypes.c_uint32
     return loaded
 
