@@ -311,7 +311,8 @@ int main(void) {
             lockstep_digests_are_the_core_s(system);
             live_steps_come_with_every_period();
             an_event_is_told_at_once(system);
-            if (declared(system)->plausibility == NULL) {
+            /* A vehicle that flies is armed on pins of its own; two wheels are driven by none. */
+            if (declared(system)->plausibility == NULL || declared(system)->output == CONTROL_OUTPUT_WHEELS) {
                 never_armed(system);
             } else {
                 silence_disarms();
