@@ -13,7 +13,9 @@ void plumb_takeoff_step(plumb_takeoff_t *t, const plumb_takeoff_bounds_t *bounds
     const plumb_takeoff_bounds_t *const b = bounds;
     const int32_t *const word = record;
     const int32_t *const rate = &word[b->rate];
-    const uint32_t fastest = max_u32(max_u32(abs_u32(rate[0]), abs_u32(rate[1])), abs_u32(rate[2]));
+    const uint32_t fastest = ((uint32_t)word[b->flags] & b->blind) != 0U
+                                 ? RATE_MAX
+                                 : max_u32(max_u32(abs_u32(rate[0]), abs_u32(rate[1])), abs_u32(rate[2]));
     const int32_t apart = wrap_i32(min_u32(fastest, RATE_MAX) - t->rate_mean_turnps_q28);
     const int32_t share_q32 = wrap_i32(2U * dt_s_q33); /* dt / 0.25 s */
     unsigned missing = 0;

@@ -62,6 +62,8 @@ static void take_sticks(receiver_t *r, const int16_t channels[USED], uint32_t no
     r->words[WORD_YAW] = (int16_t)-stick_of(channels[YAW]);
     if (r->by_sticks) {
         follow_gesture(r, now_us);
+    } else {
+        r->gesture_us = now_us;
     }
     for (unsigned i = r->by_sticks ? 1U : 0U; i < RECEIVER_SWITCHES; i++) {
         follow_switch(r, i, channels[SWITCHES + i]);
@@ -80,6 +82,8 @@ static void take_frame(receiver_t *r, const int16_t channels[USED], uint32_t now
     r->number = (uint8_t)(r->number % UINT8_MAX + 1U);
     if (!r->lost) {
         take_sticks(r, channels, now_us);
+    } else {
+        r->gesture_us = now_us; /* what is made up is no gesture */
     }
     r->heard_us = now_us;
     r->silent = false;

@@ -332,7 +332,10 @@ void session_apply_staged(session_t *s) {
 
     staging_apply(&s->staging, s->params, session_armed(s));
     if (has_receiver(s) != piloted || receiver_chosen(s) != receiver) {
-        /* a pilot's from now on, or the board's */
+        /* a pilot's from now on, or the board's, or of another line */
+#if USED_RECEIVER
+        s->receiver = (receiver_t){0};
+#endif
         arming_switch_unread(&s->arming);
     }
 }

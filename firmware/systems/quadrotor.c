@@ -92,7 +92,10 @@ const plumb_takeoff_bounds_t plumb_quadrotor_takeoff = {
     .rate = TAKEOFF_AT(rate_turnps_q28),
     .up_z = TAKEOFF_AT(up_q30[2]),
     .variance = TAKEOFF_AT(tilt_variance_rad2_q32),
+    .flags = TAKEOFF_AT(flags),
     .stopped = TAKEOFF_AT(stop_reason),
+    .blind =
+        PLUMB_QUADROTOR_FLAG_GYRO_CLIPPED | PLUMB_QUADROTOR_FLAG_ACCEL_CLIPPED | PLUMB_QUADROTOR_FLAG_MISSING,
     .throttle_max_q15 = 1638,          /* 5 % */
     .rest_turnps_q28 = 3728270U,       /* 5 deg/s */
     .up_z_min_q30 = 973140576,         /* cosine of 25 deg */

@@ -26,6 +26,8 @@ from second_chip.i2c import Adxl345, Itg3205, Mpu6050, RegisterSlave
 from .conftest import START_S, Connect
 
 LIVE_STEPS = 12
+INPUTS = 12
+"""Of quadrotor: six counts, six commands."""
 SAFE_S = 0.050
 LAST_FRAME_S = 27 * 10 / 921_600
 """The host's last frame, 27 characters, may be on the line when the host falls silent."""
@@ -152,7 +154,7 @@ def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(image: bytes, connect_
         listen(session, 0.01)
     listen(session, 0.02)
     steps = len(capture.raw)
-    inputs = np.array([capture.raw[step] for step in range(steps)], np.int16)
+    inputs = np.array([capture.raw[step] for step in range(steps)], np.int16)[:, :INPUTS]
     throttles = capture.setpoints.of_steps(steps)
     assert inputs[-1, 6:].tolist() == [32767, 0, 0, 1, 3, 0] and throttles[-1] == 16393
     expected = run_control(params, inputs, throttles).digests()

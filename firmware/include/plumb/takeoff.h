@@ -1,5 +1,5 @@
 /* May a vehicle that flies be armed? It has to stand still and nearly level, with an attitude that is known
- * and the throttle low, for 300 ms.
+ * and the throttle low, for 300 ms. A sensor that is missing or at its limit does not see it stand still.
  *
  * Runs after control_step() on the record of the step and changes nothing in it. Once the vehicle is armed
  * nothing here takes anything away: in the air a check that fails by mistake is a crash. What stops the
@@ -29,7 +29,9 @@ typedef struct {
     uint8_t rate;     /* turn/s Q28, the first of three axes */
     uint8_t up_z;     /* vertical component of the body's z axis, Q30 */
     uint8_t variance; /* of the tilt, rad^2 Q32 */
+    uint8_t flags;    /* of the step */
     uint8_t stopped;  /* why the step has stopped the rotors, until they are switched off; 0: it has not */
+    uint16_t blind;   /* flags of a sample that was missing or at a limit: it counts as a turn of 2 turn/s */
     int32_t throttle_max_q15;
     uint32_t rest_turnps_q28; /* largest mean, over 0.25 s, of the fastest axis' rate */
     int32_t up_z_min_q30;

@@ -29,7 +29,7 @@
 #include "watchdog.h"
 
 BOARD_GUARDED static uint32_t start_faults; /* BOARD_FAULT_*, decided once */
-static board_identity_t identity; /* told to hosts; what it decided at the start is in registers */
+static board_identity_t identity;           /* told to hosts; what it decided at the start is in registers */
 
 #define SIZE_UNREADABLE 0xffffu
 #define ERRORS_MAX      255u

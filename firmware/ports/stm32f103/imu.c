@@ -32,7 +32,7 @@ typedef struct {
     uint8_t step;       /* of its chip's set-up */
     uint8_t wait_ms;    /* until the next set-up */
     uint8_t awaited_ms; /* how long CHIP_AWAIT has waited */
-    uint16_t same;      /* samples in a row that equal the one before on all axes, stops at 65535 */
+    uint16_t same;      /* samples in a row that equal the one before on all axes, to the limit */
 } sensor_t;
 
 static const chip_t *const two_chips[SENSORS] = {&itg3205, &adxl345};
@@ -96,6 +96,9 @@ static void access(void) {
 static void lose(uint8_t cause) {
     sensor_t *const s = &sensors[active];
     s->cause = cause;
+    if (chip_count() == 1u) {
+        sensors[ACCEL].cause = cause;
+    }
     s->up = false;
     s->step = 0u;
     s->awaited_ms = 0u;
@@ -146,6 +149,9 @@ static void next_step(void) {
     phase = REST;
     if (s->cause != BOARD_SENSOR_STUCK) { /* a stuck sensor has to deliver a changed sample first */
         s->cause = BOARD_SENSOR_GOOD;
+        if (chip_count() == 1u) {
+            sensors[ACCEL].cause = BOARD_SENSOR_GOOD;
+        }
     }
 }
 
@@ -157,8 +163,13 @@ static bool stands_still(uint32_t sensor, bool changed) {
     const chip_stuck_t *const least = &chip->stuck[option - chip->option_first];
     const uint32_t limit_us = 1000u * least->interval_ms * least->repeats;
     const uint32_t samples = (limit_us + period_us - 1u) / period_us;
-    s->same = (uint16_t)(changed ? 0u : s->same + (s->same < UINT16_MAX ? 1u : 0u));
-    return use.stuck_ms != 0u && s->same >= (samples > least->repeats ? samples : least->repeats);
+    const uint32_t wanted = samples > least->repeats ? samples : least->repeats;
+    if (changed) {
+        s->same = 0u;
+    } else if (s->same < wanted) {
+        s->same++;
+    }
+    return use.stuck_ms != 0u && s->same >= wanted;
 }
 
 /* Stores the three axes of a sensor from the bytes at `place` of a sample. True when one has changed. */
@@ -193,18 +204,12 @@ static void store_sample(void) {
     }
 }
 
-/* Why the accelerations are not trusted. In one chip they share the gyro's cause. */
-static uint8_t accel_cause(void) {
-    const uint8_t shared = sensors[GYRO].cause;
-    return chip_count() == 1u && shared != BOARD_SENSOR_GOOD ? shared : sensors[ACCEL].cause;
-}
-
 static void publish(void) {
     int16_t *const raw = samples_next();
     if (use.kind == BOARD_SENSORS_SIX_AXES) {
         const bool marks = use.marks_missing != 0u;
         const bool no_rate = marks && sensors[GYRO].cause != BOARD_SENSOR_GOOD;
-        const bool no_force = no_rate || (marks && accel_cause() != BOARD_SENSOR_GOOD);
+        const bool no_force = no_rate || (marks && sensors[ACCEL].cause != BOARD_SENSOR_GOOD);
         for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
             raw[axis] = no_rate ? INT16_MIN : axes[GYRO][axis];
             raw[AXIS_LAST + 1u + axis] = no_force ? INT16_MIN : axes[ACCEL][axis];
@@ -339,12 +344,13 @@ void imu_use(const board_sensors_t *wanted) {
     spi_end();
     i2c_abort();
     use = *wanted;
+    const bool used = wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES;
     for (uint32_t i = 0u; i < SENSORS; i++) {
-        sensors[i] = (sensor_t){.cause = BOARD_SENSOR_STARTING};
+        sensors[i] = (sensor_t){.cause = used ? BOARD_SENSOR_STARTING : BOARD_SENSOR_GOOD};
     }
     tries = 0u;
     gave_six_axes = false;
-    if (wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES) {
+    if (used) {
         phase = RECOVER;
     }
 }
@@ -356,7 +362,7 @@ void imu_health(board_health_t *health) {
         health->bus_failures = 0u;
         return;
     }
-    health->gyro = phase == OFF ? BOARD_SENSOR_GOOD : sensors[GYRO].cause;
-    health->accel = phase == OFF ? BOARD_SENSOR_GOOD : accel_cause();
+    health->gyro = sensors[GYRO].cause;
+    health->accel = sensors[ACCEL].cause;
     health->bus_failures = failures;
 }

@@ -8,8 +8,8 @@
 The outputs of the STM32 move the plant while it is armed. Until then the plant stays at rest, because a board can only
 be armed at rest; a few seconds after a disarm it is reset. With --open-loop the motion is prescribed and begins at
 once. With --sticks the pilot's sticks go to the board's radio receiver instead, in CRSF at 420000 baud: the board needs
-the parameter receiver = 1 for that. Runs until Ctrl-C, or for --seconds. When this machine is too slow for real time,
-the board says so.
+the parameter receiver = 1 for that, and the scenario begins at once, since it is the pilot's switch that arms. Runs
+until Ctrl-C, or for --seconds. When this machine is too slow for real time, the board says so.
 """
 
 from __future__ import annotations
@@ -76,7 +76,9 @@ def main(arguments: argparse.Namespace) -> int:
         if line is not None:
             stack.callback(line.close)
         print(f"{arguments.system} sends samples on {bus.channel_info}; Ctrl-C ends it", flush=True)
-        rest_s = REST_S if system.OUTPUT_FRAMES and not arguments.open_loop else 0.0
+        # A pilot's sticks begin at once, and arm: a receiver does not fall silent, and wait for the board.
+        waits = system.OUTPUT_FRAMES and not arguments.open_loop and not arguments.sticks
+        rest_s = REST_S if waits else 0.0
         greet = isinstance(parse_bus(arguments.bus), CanName)
         layout = layout_of(arguments.system)
         board = SensorBoard(

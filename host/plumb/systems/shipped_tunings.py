@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from plumb import systems
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
-from plumb.systems.contracts import sensor_words
+from plumb.systems.contracts import calibrated_words, sensor_words
 from plumb.tuning import quantities
 from plumb.tuning.quantise import quantise
 
@@ -43,6 +43,7 @@ def words_of(name: str, tuning: str | None) -> dict[str, int]:
         **pins,
         **system.LINK,
         **sensor_words(system, chosen),
+        **dict.fromkeys(calibrated_words(name), 0),  # its numbers replace those of a calibration
     }
 
 

@@ -87,11 +87,21 @@ def of_log(path: Path, axis: str | None) -> FlownRun:
     """The loop of the board in a log, in the run that is known best. Raises UsageError for what tells too little."""
     recorded = log_replay.chosen(log_replay.runs_of(log_replay.open_log(path)), None)
     run, params = recorded.run, recorded.used.params
-    known = run.known_until()
-    if not known:
+    if recorded.changes:
+        raise UsageError(f"{path}: gains changed within the run: record a flight with the same gains from its start on")
+    if not recorded.known:
         raise UsageError(f"{path} does not have the inputs of a run from its first step on: record with --run live")
-    steps, inputs = run.first_steps(known).together, declarations.system(params.system).inputs
-    return flown(params, steps.raw[:, :inputs], steps.setpoint, axis)
+    steps, inputs = run.first_steps(recorded.known).together, declarations.system(params.system).inputs
+    raw, setpoint = steps.raw[:, :inputs], steps.setpoint
+    digests, own = steps.digest, run_fixed.run_control(params, raw, setpoint).digests()
+    if np.any((digests != own) & steps.digest_known):
+        raise UsageError(f"{path}: the board's steps are not those of its counts: `plumb replay` says from where on")
+    try:
+        return flown(params, raw, setpoint, axis)
+    except UsageError as error:
+        if recorded.unknown:
+            raise UsageError(f"{error}; of {path} {recorded.known} steps are known: {recorded.unknown}") from None
+        raise
 
 
 def _windows(

@@ -14,12 +14,14 @@ RATE_MAX = 1 << 29
 
 
 class Bounds(NamedTuple):
-    """What is asked of a system. throttle, rate, up_z, variance: words of its record, rate without the axis."""
+    """What is asked of a system. throttle, rate, up_z, variance: words of its record, rate without the axis. blind:
+    flags of a sample that was missing or at a limit."""
 
     throttle: str
     rate: str
     up_z: str
     variance: str
+    blind: int
     throttle_max_q15: int
     rest_turnps_q28: int
     up_z_min_q30: int
@@ -40,7 +42,8 @@ class State:
 
 def step(s: State, b: Bounds, word: Mapping[str, int], dt_s_q33: int) -> None:
     """One step. word: its record by name; dt_s_q33: the period."""
-    fastest = min(max(abs(word[f"{b.rate}_{axis}"]) for axis in range(3)), RATE_MAX)
+    turning = min(max(abs(word[f"{b.rate}_{axis}"]) for axis in range(3)), RATE_MAX)
+    fastest = RATE_MAX if word["flags"] & b.blind else turning
     s.rate_mean_turnps_q28 += (fastest - s.rate_mean_turnps_q28) * (2 * dt_s_q33) >> 32
     missing = {
         MOVING: s.rate_mean_turnps_q28 > b.rest_turnps_q28,
