@@ -54,6 +54,32 @@ def test_a_switch_that_is_on_from_the_start_has_to_be_switched_off_first() -> No
     assert field.board.armed
 
 
+def test_an_accelerometer_at_its_rail_keeps_it_on_the_ground(field: Field) -> None:
+    """The vertical that such a sensor shows may be far from the true one, and its variance shrinks all the same."""
+    field.passes(4.0)
+    assert not field.missing
+    field.feels = (0, 0, 0, 0, 0, 32767)
+    field.passes(0.5)
+    assert "it moves" in field.missing
+    field.pilot(ON, 0.3)
+    assert not field.board.armed
+
+
+def test_a_gesture_begins_anew_with_the_link(field: Field) -> None:
+    """Link quality 0 between two halves: what was not seen is not held."""
+    gesture = crsf.sticks(yaw=-1.0)
+    field.session.close()
+    by_sticks = Field(receiver=2)
+    by_sticks.passes(4.0)
+    by_sticks.pilot(gesture, 0.1)
+    by_sticks.pilot(crsf.statistics(0) + gesture, 1.5)
+    by_sticks.pilot(crsf.statistics(100) + gesture, 0.2)
+    assert "switch is on" not in by_sticks.missing and not by_sticks.board.armed
+    by_sticks.pilot(gesture, 1.0)
+    assert by_sticks.board.armed, "held for a second, it arms"
+    by_sticks.session.close()
+
+
 def test_a_receiver_that_is_not_heard_is_named_and_a_host_may_not_arm_either() -> None:
     field = Field(b"")
     field.passes(4.0)
