@@ -15,7 +15,6 @@ from typing import Any, BinaryIO
 
 from plumb.errors import UsageError
 from plumb.extras import required
-from plumb.files.block_file import exists_sentence
 from plumb.link.datagrams import Datagrams
 from plumb.link.endpoint_names import quoted
 from plumb.link.monitor import Snapshot
@@ -160,7 +159,7 @@ def _count(value: Any) -> int:  # Any: of a snapshot
 
 def _new_file(path: Path) -> BinaryIO:
     if path.exists():
-        raise UsageError(exists_sentence(path))
+        raise UsageError(f"{path} exists: choose another name")
     try:
         return path.open("xb")
     except OSError as error:
