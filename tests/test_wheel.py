@@ -18,7 +18,7 @@ import pytest
 
 from plumb.cockpit.flight.flight_page import ASSETS as FLIGHT
 from plumb.cockpit.page_server import ASSETS
-from plumb.spec import declarations
+from plumb.spec import images
 from plumb.version import FALLBACK
 from support.declared_systems import without_output
 from support.wheel import IMAGE, NEEDS_IMAGE, VECTORS, Built, built_wheel, run, users_environment
@@ -123,14 +123,14 @@ def test_doctor_names_image_commit_and_systems(built: Built, tmp_path: Path) -> 
     found = {finding["what"]: finding for finding in json.loads(done.stdout)["findings"]}
     assert done.returncode == 0
     detail = found["flash image"]["detail"]
-    assert str(built.environment) in detail and ", ".join(declarations.names()) in detail
+    assert str(built.environment) in detail and ", ".join(images.image(images.ALL).systems) in detail
     assert re.search(r"commit [0-9a-f]{16}\+?, ", detail) and re.search(r"SHA-256 [0-9a-f]{64}$", detail)
 
 
 def test_flash_has_help_and_names_the_packaged_images(built: Built, tmp_path: Path) -> None:
     assert built.plumb("flash", "--help", cwd=tmp_path).returncode == 0
     done = built.plumb("flash", "--port", "none", "--image", "nosuch", cwd=tmp_path)
-    assert done.returncode == 2 and "the package has all, quad" in done.stderr
+    assert done.returncode == 2 and ", ".join(["the package has all", *images.beside_all(), "quad"]) in done.stderr
 
 
 def test_without_images_one_sentence_says_what_is_missing(built: Built, tmp_path: Path) -> None:
