@@ -28,4 +28,4 @@ print(f"{len(checked.vectors)} vectors, {checked.steps} steps, bit-exact: {check
 # Prints:
 #     native: 0.10 deg rms, bit-exact: True
 #     virtual: 0.10 deg rms, bit-exact: True
-#     49 vectors, 123540 steps, bit-exact: True
+#     49 vectors, 110040 steps, bit-exact: True

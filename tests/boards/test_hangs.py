@@ -141,6 +141,7 @@ HANDLERS = (
     "systick_handler", "pendsv_handler", "adc_dma_handler", "spi_dma_handler", "uart_tx_dma_handler",
     "uart_rx_dma_handler", "i2c_dma_handler", "can_tx_handler", "can_rx_handler", "bridge_handler",
     "sampling_timer_handler", "i2c_event_handler", "i2c_error_handler", "uart_handler", "receiver_uart_handler",
+    "ppm_capture_handler",
 )  # fmt: skip
 HANGS |= {name: in_handler(name) for name in HANDLERS}
 ESC_HANGS = HANGS | {"between the two pulses": between_the_writes, "update disabled": with_update_disabled}
