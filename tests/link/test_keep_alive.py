@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count, cycle, repeat
+from pathlib import Path
 
 import pytest
 
@@ -19,7 +20,7 @@ from plumb.flash.image import find_image
 from plumb.link.sample_codec import sample_frames
 from plumb.link.session import Session
 from plumb.proof.faults.outputs import Watch
-from plumb.spec import parameters
+from plumb.spec import images, parameters
 from plumb.spec.protocol import Frame
 from plumb.tuning.quantise import quantise
 from support.balancer_bench import Balancer
@@ -153,7 +154,7 @@ def test_the_bridge_of_balancer(link: str, run: str) -> None:
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize("name", sorted(set(systems.SYSTEMS) - {"quad", "balancer"}))
 def test_what_moves_nothing_cannot_be_armed(link: str, name: str) -> None:
-    machine = Machine(find_image())
+    machine = Machine(find_image(Path(name) if name in images.beside_all() else None))
     machine.advance_us(30_000)
     system = systems.load(name)
     session = opened(machine, link)

@@ -36,11 +36,11 @@ class VirtualBoard(LinkBoard):
         self.machine.uart.name = f"the virtual board with {running}"
 
     def _upload(self, params: ControlParams) -> None:
-        """Where no image was named, a system that `all` leaves out gets its own."""
-        left_out = not self._named and params.system in images.beside_all()
-        if left_out and params.system not in self.session.require_match().systems:
+        """Where no image was named, a system that `all` leaves out gets its own, and the next one `all` again."""
+        if not self._named and params.system not in self.session.require_match().systems:
+            own = params.system if params.system in images.beside_all() else images.ALL
             self.session.close()
-            self._power(f"the image {params.system} of the checkout", Path(params.system))
+            self._power(f"the image {own} of the checkout", Path(own) if own != images.ALL else None)
             self.session = self._connect()
         super()._upload(params)
 
