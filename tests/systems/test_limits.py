@@ -16,6 +16,8 @@ from plumb.systems.contracts import fitted
 from plumb.tuning.quantise import quantise
 
 FAR_DEG = 93.0
+GROUNDED = {("topples", "open"), ("ice-both", "open")}
+"""Rides of wheels that end on the ground without a controller: no tuning has a limit there, and none is asked for."""
 
 
 def kinds(name: str) -> Iterator[tuple[str, str, str, bool]]:
@@ -40,6 +42,8 @@ def run_of(name: str) -> runs.Run:
 def test_a_run_of_any_scenario_is_judged(name: str) -> None:
     for scenario, tuning, loop, shorter in kinds(name):
         found = limits.judged({limits.RMS: FAR_DEG}, limits_of(name, scenario, tuning, loop, shorter=shorter))
+        if found.verdict is None and not shorter and (scenario, loop) in GROUNDED:
+            continue
         if found.verdict is None:  # only where there is no angle to judge
             assert run_of(name).metrics()[limits.RMS] is None, (scenario, tuning, loop, shorter)
             return
