@@ -3,7 +3,7 @@
 
     tools/package_images.py                              host/plumb/images, from build/stm32f103 and build/images
     tools/package_images.py --release dist/firmware      also .bin, .elf and .hex of each, with SHA256SUMS
-    tools/package_images.py --unchecked --images quad    without the golden check, and only `all`, what it leaves out, and this image
+    tools/package_images.py --unchecked --images quad    without the golden check; those of all systems, and this
 
 Each image first runs the golden vectors of its systems on the virtual board; the tool stops at a difference. Passed
 images are recorded by the SHA-256 of image and vectors in build/images/checked.json and are not checked again. Format
@@ -120,7 +120,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--out", type=Path, default=ROOT / "host" / "plumb" / "images", help="folder to write")
     parser.add_argument("--release", type=Path, metavar="DIR", help="also write .bin, .elf, .hex and SHA256SUMS there")
-    parser.add_argument("--images", nargs="*", metavar="NAME", help="these images, besides those that together hold every system")
+    parser.add_argument("--images", nargs="*", metavar="NAME", help="these images, besides those of all systems")
     parser.add_argument("--unchecked", action="store_true", help="skip the golden check; the manifest says so")
     options = parser.parse_args()
     try:
