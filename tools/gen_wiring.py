@@ -34,6 +34,7 @@ STRAP_TIES = {
     "standard": {"PB4": "open", "PB5": "open"},
     "bridge": {"PB4": "open", "PB5": "to GND"},
     "quadrotor": {"PB4": "to GND", "PB5": "open"},
+    "wheels": {"PB4": "to GND", "PB5": "to GND"},
 }
 """Pin set -> strap, which is read once at the start and alone selects the pins of UART and actuators."""
 

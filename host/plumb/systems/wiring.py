@@ -110,10 +110,26 @@ MPU6050_NOTES = (
     "The board has to be told that one chip is both: plumb params set accel_bus=2 --save.",
     "A GY-521 has 4.7 kΩ of its own on SCL and SDA. XDA, XCL and INT stay open.",
 )
+PULL_DOWN = "10 kΩ to GND"
+"""At an input of a driver: during a reset nothing else keeps it low."""
+
+
+def battery(voltage: str, current: str | None, row: float) -> Device:
+    """A battery by its divider. voltage, current: pins that measure them."""
+    sensor = (Wire("current sensor, 3.3 V", current, ANALOG),) if current else ()
+    divided = Wire("plus, by 47 kΩ", voltage, ANALOG, "10 kΩ, 100 nF to GND")
+    return Device("battery (optional)", (divided, *sensor, Wire("minus", "GND")), row)
+
+
 STRAP_NOTE = "The strap chooses the pin set at the start. Nothing on PB4 and PB5: standard."
 COMMON = "Power: 5 V from USB or from the adapter, never both. Every GND is the same wire."
 CAN_POWER = (
     "With CAN: power by the pin 5V, or by a USB cable without data wires. PA11 and PA12 are the data lines of the USB",
     "socket, and a charger shorts the two.",
+)
+CAN_WIRES = "CAN transceiver, 3.3 V: RXD on PA11, TXD on PA12, VCC on 3V3."
+"""Where a drawing has no room for it as a box."""
+DIVIDER_NOTE = (
+    "47 kΩ and 10 kΩ divide up to 18.8 V to 3.3 V. It is used after plumb params set battery_min_mv=10500 --save."
 )
 SWITCH_NOTE = "The arm switch is the dead man's handle: closed it arms without any host, open it lets go at once."

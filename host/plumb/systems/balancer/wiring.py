@@ -5,11 +5,13 @@ from __future__ import annotations
 from plumb.systems.wiring import (
     ADXL345_ON_SPI,
     CAN_POWER,
+    CAN_WIRES,
     INPUT,
     ITG3205,
     MPU6050,
     MPU6050_NOTES,
     OUTPUT,
+    PULL_DOWN,
     SPI_NOTE,
     SWITCH,
     SWITCH_NOTE,
@@ -24,12 +26,12 @@ BRIDGE = (
         "three-phase bridge, with gate driver",
         (
             Wire("/FAULT (open drain)", "PB12", INPUT, "4.7 kΩ to 3V3"),
-            Wire("gate A low", "PB13", OUTPUT, "10 kΩ to GND"),
-            Wire("gate B low", "PB14", OUTPUT, "10 kΩ to GND"),
-            Wire("gate C low", "PB15", OUTPUT, "10 kΩ to GND"),
-            Wire("gate A high", "PA8", OUTPUT, "10 kΩ to GND"),
-            Wire("gate B high", "PA9", OUTPUT, "10 kΩ to GND"),
-            Wire("gate C high", "PA10", OUTPUT, "10 kΩ to GND"),
+            Wire("gate A low", "PB13", OUTPUT, PULL_DOWN),
+            Wire("gate B low", "PB14", OUTPUT, PULL_DOWN),
+            Wire("gate C low", "PB15", OUTPUT, PULL_DOWN),
+            Wire("gate A high", "PA8", OUTPUT, PULL_DOWN),
+            Wire("gate B high", "PA9", OUTPUT, PULL_DOWN),
+            Wire("gate C high", "PA10", OUTPUT, PULL_DOWN),
             Wire("logic GND", "GND"),
         ),
         -1,
@@ -62,7 +64,7 @@ BRIDGE_NOTES = (
     "The strap comes first: with PB5 at GND the UART is on PB6, PB7, and no gate is driven before the parameter pins",
     "agrees (plumb params tuning balancer --save, reset). Without the strap PB7 is an output: the 1 kΩ protects it.",
 )
-BRIDGE_CAN = ("CAN transceiver, 3.3 V: RXD on PA11, TXD on PA12, VCC on 3V3.", *CAN_POWER)
+BRIDGE_CAN = (CAN_WIRES, *CAN_POWER)
 
 
 DRAWINGS = (

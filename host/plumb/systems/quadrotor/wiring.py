@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from plumb.systems.wiring import (
     ADAPTER,
-    ANALOG,
     CAN,
     CAN_POWER,
     COMMON,
+    DIVIDER_NOTE,
     INPUT,
     MPU6050,
     MPU6050_NOTES,
     OUTPUT,
+    PULL_DOWN,
     SWITCH,
     SWITCH_NOTE,
     TWO_CHIPS,
     Device,
     Drawing,
     Wire,
+    battery,
 )
 
-PULL_DOWN = "10 kΩ to GND"
 ROTORS = Device(
     "four speed controllers",
     (
@@ -37,15 +38,7 @@ RECEIVER = Device(
     (Wire("TX, CRSF", "PB11", INPUT), Wire("or PPM", "PA8", INPUT), Wire("5V, GND", "5V GND")),
     4,
 )
-BATTERY = Device(
-    "battery (optional)",
-    (
-        Wire("plus, by 47 kΩ", "PB0", ANALOG, "10 kΩ, 100 nF to GND"),
-        Wire("current sensor, 3.3 V", "PB1", ANALOG),
-        Wire("minus", "GND"),
-    ),
-    13.4,
-)
+BATTERY = battery("PB0", "PB1", 13.4)
 NOTES = (
     COMMON,
     *CAN_POWER,
@@ -55,7 +48,7 @@ NOTES = (
     "Speed controllers, plain PWM of 50 to 490 Hz, taught 1000 to 2000 us; their red wires stay open.",
     "Seen from above, front right and rear left turn clockwise, the others counter-clockwise.",
     "The receiver is used after plumb params set receiver=1 --save; with 3 for PPM.",
-    "47 kΩ and 10 kΩ divide up to 18.8 V to 3.3 V. It is used after plumb params set battery_min_mv=10500 --save.",
+    DIVIDER_NOTE,
     "Propellers off: a host arms it over a link, which is for the bench.",
     SWITCH_NOTE,
 )
