@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from plumb.cockpit.flight.flight_page import ASSETS as FLIGHT
 from plumb.cockpit.page_server import ASSETS
+from plumb.cockpit.steering.trip_page import ASSETS as FLIGHT
 from plumb.spec import images
 from plumb.version import FALLBACK
 from support.declared_systems import without_output
@@ -44,7 +44,7 @@ def test_the_wheel_serves_every_python_and_holds_images_and_vectors(built: Built
     } <= names
     assert {f"plumb/vectors/{name}.golden" for name in VECTORS} <= names
     assert {f"plumb/cockpit/page/{name}" for name, _ in (*ASSETS.values(), *FLIGHT.values())} <= names
-    assert "plumb/cockpit/page/fly/ogl.LICENSE" in names
+    assert "plumb/cockpit/page/steering/ogl.LICENSE" in names
     assert {"plumb/vectors/quad.recipe.toml", "plumb/vectors/manifest.json"} <= names
     assert not {name for name in names if not name.startswith(("plumb/", "plumb_imu-"))}
     with tarfile.open(built.sdist) as sdist:

@@ -17,10 +17,10 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from plumb.cockpit.flight import transmitter
-from plumb.cockpit.flight.flight_loop import FlightLoop
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.speed import Pace
+from plumb.cockpit.steering import transmitter
+from plumb.cockpit.steering.trip_loop import TripLoop
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
@@ -28,7 +28,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 from PIL import Image  # noqa: E402
 
 from support.chromium import Chromium, Page, browser  # noqa: E402
-from support.flight_bench import flying  # noqa: E402
+from support.trip_bench import flying  # noqa: E402
 
 FILMS, FILM = ROOT / "tools" / "films", ROOT / "docs" / "images" / "flight.webp"
 MOST_BYTES = 3_000_000
@@ -40,7 +40,7 @@ SHARE = 0.12
 QUALITIES = (60, 55, 50, 45, 40, 35)
 """Of the pictures, the best that fits first."""
 HOLD_S, PATIENCE_S = 600.0, 300.0
-BUTTONS = {"rotors": 0, "mode": 1, "height": 3}
+BUTTONS = {"motors": 0, "mode": 1, "height": 3}
 AXES = {"yaw": (0, -1), "up": (1, -1), "roll": (2, 1), "pitch": (3, -1)}
 """As hands.js reads them: place and sign."""
 PRESSED_S = 0.05
@@ -92,7 +92,7 @@ class SlowPace(Pace):
         time.sleep(max(0.0, ahead_s))
 
 
-class SlowFlight(FlightLoop):
+class SlowFlight(TripLoop):
     def begin(self) -> None:
         super().begin()
         self._pace = SlowPace(self._begun_s)

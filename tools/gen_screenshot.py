@@ -25,16 +25,16 @@ from plumb.__main__ import main as plumb
 from plumb.boards import open_link_board
 from plumb.boards.plant_on_pins import PlantOfRuns
 from plumb.cockpit.board_loop import BoardLoop
-from plumb.cockpit.flight import transmitter
-from plumb.cockpit.flight.flight_loop import FlightLoop
 from plumb.cockpit.hold import Hold
+from plumb.cockpit.steering import transmitter
+from plumb.cockpit.steering.trip_loop import TripLoop
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
 
 from support.chromium import Chromium, browser  # noqa: E402
 from support.cockpit_bench import serving  # noqa: E402
-from support.flight_bench import flying  # noqa: E402
+from support.trip_bench import flying  # noqa: E402
 
 HOST = ROOT / "host" / "plumb"
 IMAGES = ROOT / "docs" / "images"
@@ -144,12 +144,12 @@ def fly() -> bytes:
     waiting for longer than a pilot's receiver does."""
     transmitter.LOST_S = HOLD_S
     with tempfile.TemporaryDirectory() as folder, Chromium() as chromium:
-        loop = FlightLoop("quadrotor", SEED, Hold(HOLD_S), folder=Path(folder))
+        loop = TripLoop("quadrotor", SEED, Hold(HOLD_S), folder=Path(folder))
         with flying(loop) as server:
             page = chromium.open(server.control_address)
             page.call("Emulation.setDeviceMetricsOverride", width=640, height=360, deviceScaleFactor=1, mobile=False)
             page.until("document.getElementById('hint').textContent.includes('Enter')")
-            page.click("#rotors")
+            page.click("#motors-on")
             page.until("document.getElementById('armed').textContent === 'ARMED'")
             for code, reached in (("KeyW", "height').textContent > 0.7"), ("ArrowUp", "speed').textContent > 1.5")):
                 page.call("Input.dispatchKeyEvent", type="keyDown", code=code, key=code)
@@ -164,7 +164,7 @@ def fly() -> bytes:
 PICTURES = {
     "report": Picture(report, REPORT_SIZE, ("proof/report.css", "proof/report.js")),
     "cockpit": Picture(cockpit, COCKPIT_SIZE, ("cockpit/page/*.*",)),
-    "fly": Picture(fly, FLY_SIZE, ("cockpit/page/fly/*",)),
+    "fly": Picture(fly, FLY_SIZE, ("cockpit/page/steering/*",)),
 }
 
 if __name__ == "__main__":

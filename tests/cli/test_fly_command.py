@@ -17,8 +17,8 @@ from plumb import systems
 from support.declared_systems import lacking
 
 PATIENCE_S = 60.0
-STEERED = systems.with_part("steered")
-flies = pytest.mark.skipif(not STEERED, reason="no declared system has steered.py")
+STEERED = systems.with_part("fly")
+flies = pytest.mark.skipif(not STEERED, reason="no declared system has fly.py")
 
 
 @flies
@@ -28,7 +28,7 @@ def test_the_page_is_served_and_ctrl_c_ends_it(tmp_path: Path) -> None:
         assert process.stdout is not None and process.stderr is not None
         said = json.loads(process.stdout.readline())
         with urllib.request.urlopen(said["control"], timeout=PATIENCE_S) as answer:
-            assert b"plumb fly" in answer.read()
+            assert b"steering.js" in answer.read()
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE_S) == 130
         assert process.stderr.read() == "plumb: interrupted.\n"
@@ -87,7 +87,7 @@ def test_a_browser_that_is_not_there_is_one_sentence(
     assert "no browser was found" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", lacking("steered")[:1])
+@pytest.mark.parametrize("name", lacking("fly")[:1])
 def test_a_system_that_nobody_flies_is_wrong_use(name: str) -> None:
     with pytest.raises(SystemExit) as ended:
         front.main(["fly", "--system", name])

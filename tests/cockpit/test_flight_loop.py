@@ -11,25 +11,25 @@ import pytest
 
 from plumb import systems
 from plumb.__main__ import main
-from plumb.cockpit.flight import flight_loop
-from plumb.cockpit.flight.transmitter import Sticks
-from plumb.systems.steered import STEERED as PART
-from support.flight_bench import PILOT, FlightBench
+from plumb.cockpit.steering import trip_loop
+from plumb.cockpit.steering.transmitter import Sticks
+from plumb.systems.steered import steered
+from support.trip_bench import PILOT, TripBench
 
-STEERED = systems.with_part("steered")
-pytestmark = pytest.mark.skipif(not STEERED, reason="no declared system has steered.py")
+STEERED = systems.with_part("fly")
+pytestmark = pytest.mark.skipif(not STEERED, reason="no declared system has fly.py")
 
 LAYOUTS = Path(__file__).resolve().parents[2] / "examples" / "plotjuggler"
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[FlightBench]:
-    bench = FlightBench(STEERED[0], tmp_path)
+def bench(tmp_path: Path) -> Iterator[TripBench]:
+    bench = TripBench(STEERED[0], tmp_path)
     yield bench
     bench.loop.close()
 
 
-def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: FlightBench, tmp_path: Path) -> None:
+def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: TripBench, tmp_path: Path) -> None:
     ground_m = 0.1
     bench.turn(6.0, on=False)
     assert not bench.loop.state["armed"] and bench.height_m < ground_m
@@ -42,7 +42,7 @@ def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: 
     assert bench.height_m < ground_m
     bench.turn(0.5, on=False)
     assert not bench.loop.state["armed"]
-    bench.turn(flight_loop.REST_S + 1.0, on=False)
+    bench.turn(trip_loop.REST_S + 1.0, on=False)
     assert bench.loop.state["over"] and bench.loop.state["light"]["colour"] != "red"  # type: ignore[index]
     bench.loop.recording.wait()
     (log,), (report,) = tmp_path.glob("*.plog"), bench.loop.reports
@@ -54,7 +54,7 @@ def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: 
 
 @pytest.mark.slow
 def test_the_flash_image_flies_on_the_simulated_chip_in_steps_of_5_ms(tmp_path: Path) -> None:
-    bench = FlightBench(STEERED[0], tmp_path, board="virtual")
+    bench = TripBench(STEERED[0], tmp_path, board="virtual")
     try:
         bench.arm()
         bench.turn(0.8, on=True, throttle=0.55)
@@ -80,7 +80,7 @@ def assert_every_curve_is_there(table: Path) -> None:
     assert (drawn - calculated) | sources | axes <= columns
 
 
-def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: FlightBench) -> None:
+def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: TripBench) -> None:
     bench.arm()
     bench.turn(1.1, on=True, throttle=0.5)
     assert bench.height_m > 0.2
@@ -97,25 +97,25 @@ def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: FlightBe
     assert any("the receiver was lost" in text for _, text in bench.loop.notes)
 
 
-def test_only_the_page_that_holds_the_vehicle_is_heard(bench: FlightBench) -> None:
+def test_only_the_page_that_holds_the_vehicle_is_heard(bench: TripBench) -> None:
     bench.loop.hear(PILOT + 1, Sticks(roll=1.0, on=True))
     bench.turn(0.1)
     assert not bench.loop.state["heard"]
     assert "does not hold" in str(bench.order("run", page=PILOT + 1)["text"])
 
 
-def test_what_happens_is_seen_and_ends(bench: FlightBench) -> None:
+def test_what_happens_is_seen_and_ends(bench: TripBench) -> None:
     bench.arm()
-    for event in systems.load(STEERED[0], PART).EVENTS:
+    for event in steered(STEERED[0]).EVENTS:
         assert bench.order("happen", event)["good"]
         bench.turn(0.15, on=True)
         assert event in bench.loop.state["happening"]  # type: ignore[operator]
-    assert bench.order("happen", flight_loop.LOST)["good"]
+    assert bench.order("happen", trip_loop.LOST)["good"]
     bench.turn(0.15, on=True)
-    assert flight_loop.LOST in bench.loop.state["happening"] and not bench.loop.state["heard"]  # type: ignore[operator]
+    assert trip_loop.LOST in bench.loop.state["happening"] and not bench.loop.state["heard"]  # type: ignore[operator]
 
 
-def test_a_new_flight_ends_the_one_that_is_on_and_begins_on_the_ground(bench: FlightBench, tmp_path: Path) -> None:
+def test_a_new_flight_ends_the_one_that_is_on_and_begins_on_the_ground(bench: TripBench, tmp_path: Path) -> None:
     bench.arm()
     bench.turn(1.0, on=True, throttle=0.55)
     assert bench.height_m > 0.3
@@ -124,10 +124,10 @@ def test_a_new_flight_ends_the_one_that_is_on_and_begins_on_the_ground(bench: Fl
     assert bench.height_m < 0.1 and not bench.loop.state["armed"] and not bench.loop.state["over"]
     bench.arm()
     bench.loop.close()
-    assert bench.loop.flights == 2 and len(list(tmp_path.glob("*.plog"))) == 2
+    assert bench.loop.trips == 2 and len(list(tmp_path.glob("*.plog"))) == 2
 
 
-def test_other_estimators_see_the_same_samples(bench: FlightBench) -> None:
+def test_other_estimators_see_the_same_samples(bench: TripBench) -> None:
     bench.arm()
     bench.turn(1.0, on=True, throttle=0.5)
     up = bench.loop._vehicles.vehicle.truth(0.0)
@@ -138,14 +138,14 @@ def test_other_estimators_see_the_same_samples(bench: FlightBench) -> None:
         assert 0.0 < math.degrees(apart) < 10.0
 
 
-def test_a_stop_switches_the_rotors_off(bench: FlightBench) -> None:
+def test_a_stop_switches_the_rotors_off(bench: TripBench) -> None:
     bench.arm()
     bench.loop.stop()
     bench.turn(0.3, on=True)
     assert not bench.loop.state["armed"]
 
 
-def test_a_throttle_that_is_not_low_arms_nothing_and_the_page_hears_why(bench: FlightBench) -> None:
+def test_a_throttle_that_is_not_low_arms_nothing_and_the_page_hears_why(bench: TripBench) -> None:
     bench.turn(6.0, on=False)
     bench.turn(1.0, on=True, throttle=0.5)
     assert not bench.loop.state["armed"] and bench.loop.state["why"]
@@ -153,8 +153,8 @@ def test_a_throttle_that_is_not_low_arms_nothing_and_the_page_hears_why(bench: F
 
 
 def test_a_vehicle_that_waits_begins_anew_so_that_its_record_is_short(
-    bench: FlightBench, monkeypatch: pytest.MonkeyPatch
+    bench: TripBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(flight_loop, "WAIT_S", 2.0)
+    monkeypatch.setattr(trip_loop, "WAIT_S", 2.0)
     bench.turn(3.0, on=False)
-    assert bench.loop.state["run"] == 2 and bench.loop.flights == 0
+    assert bench.loop.state["run"] == 2 and bench.loop.trips == 0

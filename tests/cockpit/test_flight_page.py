@@ -11,17 +11,17 @@ import pytest
 
 from plumb import systems
 from plumb.__main__ import main
-from plumb.cockpit.flight import transmitter
-from plumb.cockpit.flight.flight_loop import FlightLoop
-from plumb.cockpit.flight.flight_page import ASSETS
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_server import PageServer
+from plumb.cockpit.steering import transmitter
+from plumb.cockpit.steering.trip_loop import TripLoop
+from plumb.cockpit.steering.trip_page import ASSETS
 from plumb.inputs import log_replay
 from support.chromium import PATIENCE_S, Chromium, Page
-from support.flight_bench import flying
+from support.trip_bench import flying
 
-STEERED = systems.with_part("steered")
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(not STEERED, reason="no declared system has steered.py")]
+STEERED = systems.with_part("fly")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not STEERED, reason="no declared system has fly.py")]
 PATIENT_S = 5.0
 """Silence of these tests: a machine that is busy may leave a page waiting for longer than a pilot's receiver does."""
 FALLS_M = 4.0
@@ -43,13 +43,13 @@ PAD = """
 
 
 @pytest.fixture
-def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FlightLoop:
+def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TripLoop:
     monkeypatch.setattr(transmitter, "LOST_S", PATIENT_S)
-    return FlightLoop(STEERED[0], 1000, Hold(2 * PATIENT_S), folder=tmp_path)
+    return TripLoop(STEERED[0], 1000, Hold(2 * PATIENT_S), folder=tmp_path)
 
 
 @pytest.fixture
-def server(loop: FlightLoop) -> Iterator[PageServer]:
+def server(loop: TripLoop) -> Iterator[PageServer]:
     with flying(loop) as server:
         yield server
 
@@ -76,7 +76,7 @@ def key(page: Page, kind: str, code: str) -> None:
     page.call("Input.dispatchKeyEvent", type=kind, code=code, key=code)
 
 
-def upright(loop: FlightLoop) -> float:
+def upright(loop: TripLoop) -> float:
     """Cosine of the vehicle's lean: -1 on its back."""
     attitude = loop.scene["attitude"]
     assert isinstance(attitude, list)
@@ -84,7 +84,7 @@ def upright(loop: FlightLoop) -> float:
     return float(1.0 - 2.0 * (x * x + y * y))
 
 
-def height(loop: FlightLoop) -> float:
+def height(loop: TripLoop) -> float:
     position = loop.scene["position"]
     assert isinstance(position, list)
     return float(position[2])
@@ -97,7 +97,7 @@ def until(reached: Callable[[], bool], what: str) -> None:
         time.sleep(0.005)
 
 
-def flip(page: Page, loop: FlightLoop) -> float:
+def flip(page: Page, loop: TripLoop) -> float:
     """Mode rate, the full stick to the right until the vehicle is on its back, and mode level again; how far it fell
     below where it began."""
     heights = [height(loop)]
@@ -130,7 +130,7 @@ def frames_in_a_second(page: Page) -> int:
 
 
 def test_a_gamepad_takes_off_hovers_flips_and_lands_on_a_slow_browser_and_every_step_is_recorded(
-    server: PageServer, loop: FlightLoop, chromium: Chromium, tmp_path: Path
+    server: PageServer, loop: TripLoop, chromium: Chromium, tmp_path: Path
 ) -> None:
     page, viewer = opened(chromium, server.control_address), opened(chromium, server.watch_address)
     page.until(READY)
@@ -149,7 +149,7 @@ def test_a_gamepad_takes_off_hovers_flips_and_lands_on_a_slow_browser_and_every_
     page.until(f"{HEIGHT} > 1.8")
 
     second = opened(chromium, server.control_address)
-    second.until(f"{ARMED} && {HINT} === 'Another page flies; this one watches'")
+    second.until(f"{ARMED} && {HINT} === 'Another page steers; this one watches'")
     second.value(PAD)
     push(second, 0)
     assert second.value(ARMED), "a page that watches switches no rotors"
@@ -168,7 +168,7 @@ def test_a_gamepad_takes_off_hovers_flips_and_lands_on_a_slow_browser_and_every_
     page.until("document.querySelector('#reports a') !== null")
     report = str(page.value("document.querySelector('#reports a').href"))
     assert "steered" not in report and page.value(f"fetch({json.dumps(report)}).then((answer) => answer.text())")
-    assert loop.flights == 1 and loop.state["light"]["colour"] != "red"  # type: ignore[index]
+    assert loop.trips == 1 and loop.state["light"]["colour"] != "red"  # type: ignore[index]
     (log,) = tmp_path.glob("*.plog")
     (run,) = log_replay.runs_of(log_replay.open_log(log))
     assert run.run.steps > 4000 and run.known == run.run.steps and not run.run.incomplete, "no step is missing"
@@ -199,7 +199,7 @@ def in_the_air(page: Page) -> None:
 
 
 def test_a_browser_that_is_killed_is_a_lost_receiver(
-    server: PageServer, loop: FlightLoop, chromium: Chromium, monkeypatch: pytest.MonkeyPatch
+    server: PageServer, loop: TripLoop, chromium: Chromium, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     in_the_air(opened(chromium, server.control_address))
     monkeypatch.setattr(transmitter, "LOST_S", 0.1)
@@ -227,9 +227,9 @@ def test_the_page_is_made_of_its_files_and_fetches_nothing() -> None:
 
     folder = Path(page_server.__file__).parent / "page"
     assert all((folder / name).is_file() for name, _ in ASSETS.values())
-    own = {path.name for path in (folder / "fly").iterdir()} - {"ogl.LICENSE"}
-    assert own == {name.removeprefix("fly/") for name, _ in ASSETS.values() if name.startswith("fly/")}
-    assert (folder / "fly" / "ogl.LICENSE").read_text(encoding="utf-8").startswith("OGL")
+    own = {path.name for path in (folder / "steering").iterdir()} - {"ogl.LICENSE"}
+    assert own == {name.removeprefix("steering/") for name, _ in ASSETS.values() if name.startswith("steering/")}
+    assert (folder / "steering" / "ogl.LICENSE").read_text(encoding="utf-8").startswith("OGL")
     for name in own - {"ogl.min.js"}:
-        text = (folder / "fly" / name).read_text(encoding="utf-8")
+        text = (folder / "steering" / name).read_text(encoding="utf-8")
         assert "http:" not in text and "https:" not in text and "//" not in text.replace("// ", "").replace("ws://", "")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from plumb.cockpit.flight import transmitter
-from plumb.cockpit.flight.transmitter import Sticks, Transmitter
+from plumb.cockpit.steering import transmitter
+from plumb.cockpit.steering.transmitter import Sticks, Transmitter
 from support.receiver_twin import by_twin
 
 

@@ -5,6 +5,6 @@ hold         who may write: the page that holds the board, as long as its heartb
 board_run    the run that is on: begun or joined, followed, compared, noticed to be over
 board_loop   the thread that owns the link to the board: turns, orders, what the pages see
 page_orders  what a page asks for, checked
-flight       a simulated vehicle that is steered by hand, in place of a board that is watched
+steering     a simulated vehicle that is steered by hand, in place of a board that is watched
 page_server  serves the page and its WebSocket on the loopback interface
 """

@@ -66,7 +66,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Served(Protocol):
-    """What a page shows, and gives orders to: the loop of a board or of a flight."""
+    """What a page shows, and gives orders to: the loop of a board or of a trip."""
 
     @property
     def hold(self) -> Hold: ...

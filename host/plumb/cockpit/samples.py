@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import struct
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -169,10 +170,17 @@ class Samples:
     def raw_since(self, first: int, channels: int) -> tuple[FloatArray, int]:
         """The first raw counts of the rows from number `first` on, (rows, channels), NaN where they lack, and the
         number after the last of them."""
+        return self._since(first, range(self._raw_at, min(self._raw_at + channels, len(self.columns))))
+
+    def since(self, first: int, names: Sequence[str]) -> tuple[FloatArray, int]:
+        """These columns of the rows from number `first` on, as `raw_since`."""
+        columns = [column.name for column in self.columns]
+        return self._since(first, [columns.index(name) for name in names])
+
+    def _since(self, first: int, columns: Sequence[int]) -> tuple[FloatArray, int]:
         with self._lock:
             at = np.arange(max(first, self.rows - ROWS_KEPT, 0), self.rows) % ROWS_KEPT
-            rows = self._values[at, self._raw_at : self._raw_at + channels].astype(np.float64)
-            return rows, self.rows
+            return self._values[at][:, list(columns)].astype(np.float64), self.rows
 
     @property
     def kept(self) -> int:

@@ -14,7 +14,8 @@ optional:
 
     pins.py       the plant on the pins of the virtual board (contracts.Pins), unless samples only arrive as frames
     poses.py      how it is held to calibrate its sensors (contracts.Poses)
-    steered.py    its vehicle as a person steers it in the browser (plumb.systems.steered.Steered)
+    fly.py        its vehicle as a person flies it in the browser (plumb.systems.steered.Steered)
+    ride.py       the same of a vehicle that a person rides
     blackbox.py   its steps in the columns of blackbox viewers (plumb.systems.blackbox.Blackbox)
     mavlink.py    what a ground station shows of it (plumb.systems.mavlink.MavlinkVehicle)
     wiring.py     the wiring of the board, for the drawings (plumb.systems.wiring.WiringDrawings)

@@ -69,7 +69,7 @@ def estimators(only: Sequence[str] = ()) -> tuple[Estimator, ...]:
     """VQF, BasicVQF, Mahony, then the systems that fly; only: their names, () for all."""
     rivals = {name: _rival(name) for name in ("VQF", "BasicVQF")}
     settings = "k_P 0.25, k_I 0, 0.9 to 1.1 g, bias of the rest"
-    rivals["Mahony"] = Estimator("Mahony", "own lines", settings, published.NOT_PUBLISHED, None, _mahony)
+    rivals["Mahony"] = Estimator("Mahony", "own lines", settings, published.NOT_PUBLISHED, None, _frameless("Mahony"))
     for name in systems.with_part(FLIGHT.name):
         part, budget = systems.load(name, FLIGHT), declarations.system(name).cycles
         cost = "no budget declared" if budget is None else f"at most {budget} cycles (plumb bench)"
@@ -84,11 +84,23 @@ def estimators(only: Sequence[str] = ()) -> tuple[Estimator, ...]:
 def _rival(name: str) -> Estimator:
     one = next(each for each in published.PUBLISHED if each.name == name)
     limit_dps = one.bias_limit_dps(published.imported(one))
+    return Estimator(name, one.origin, one.settings, one.cost, limit_dps, _frameless(name))
+
+
+def _frameless(name: str) -> Callable[[ImuGrade, Airframe, int, int], Flown]:
+    """The algorithm of that name, which asks for no airframe, among those that may."""
 
     def begin(grade: ImuGrade, _frame: Airframe, period_us: int, runs: int) -> Flown:
-        return _Vqf(one, grade, period_us, runs)
+        return rival(name, grade, period_us, runs)
 
-    return Estimator(name, one.origin, one.settings, one.cost, limit_dps, begin)
+    return begin
+
+
+def rival(name: str, grade: ImuGrade, period_us: int, runs: int) -> Flown:
+    """VQF, BasicVQF or Mahony before the first step. Raises UsageError where its package is not installed."""
+    if name == "Mahony":
+        return _Mahony(grade, period_us, runs)
+    return _Vqf(next(each for each in published.PUBLISHED if each.name == name), grade, period_us, runs)
 
 
 class _Values:
@@ -126,10 +138,6 @@ class _Vqf:
 
 
 MAHONY_PER_S, MAHONY_FAST, MAHONY_LOW_G, MAHONY_HIGH_G, MAHONY_PASS_HZ = 0.25, 10.0, 0.9, 1.1, 10.0
-
-
-def _mahony(grade: ImuGrade, _frame: Airframe, period_us: int, runs: int) -> Flown:
-    return _Mahony(grade, period_us, runs)
 
 
 class _Mahony:

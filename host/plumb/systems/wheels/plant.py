@@ -20,6 +20,8 @@ SPEED_MAX_MPS, TURN_MAX_DPS = 1.0, 90.0
 """What full sticks ask for."""
 FRAME_S, NUMBERS = 1.0 / 150.0, 255
 """The receiver hears 150 frames a second (CRSF), numbered 1 to 255 in a circle."""
+TAKEN = (1, 3, 5, 2)
+"""Of gyro and accelerometer x, y, z: the rate about the axle, the accelerations forward and up, the rate of turning."""
 Duties = tuple[float | None, float | None]
 
 
@@ -51,9 +53,14 @@ class WheelsPlant:
                 sample = self._sample(now_s)
                 riding = self.ridden(now_s)
                 given = vehicle.ideal(run.asked_mps[sample] * riding, run.asked_dps[sample] * riding)
-            push = float(run.push_radps2[self.step % len(run.push_radps2)])
-            vehicle.advance(given, Outside(push, self._grip(now_s), self.ridden(now_s), now_s < rides.HELD_S))
+            vehicle.advance(given, self.outside(now_s))
             self.step += 1
+
+    def outside(self, time_s: float) -> Outside:
+        """What acts on the vehicle in the step that begins then."""
+        rough = self.scenario.push_radps2
+        push = float(rough[self.step % len(rough)])
+        return Outside(push, self._grip(time_s), self.ridden(time_s), time_s < rides.HELD_S)
 
     def ridden(self, time_s: float) -> bool:
         """Whether the rider stands on it."""
@@ -81,12 +88,9 @@ class WheelsPlant:
 
     def counts(self, time_s: float) -> tuple[int, ...]:
         """All inputs of the sample at time_s, which `follow` has reached."""
-        run, vehicle, k = self.scenario, self.vehicle, self._sample(time_s)
-        force_g = np.array(vehicle.force_g()) + run.vibration_g[k]
-        rate = np.array(vehicle.rates_dps())
-        six = self.imu.counts(time_s, rate[:, None], force_g[:, None], run.white[k][:, None])[0].tolist()
-        left, right = ((count + 0x8000) % 0x10000 - 0x8000 for count in vehicle.counts())
-        row = [six[1], six[3], six[5], six[2], left, right, int(self.ridden(time_s))]
+        run, k, six = self.scenario, self._sample(time_s), self.six_counts(time_s)
+        left, right = ((count + 0x8000) % 0x10000 - 0x8000 for count in self.vehicle.counts())
+        row = [*(six[place] for place in TAKEN), left, right, int(self.ridden(time_s))]
         for fault in run.faults:
             channel = fault.channel
             if fault.start_s <= time_s < fault.stop_s:
@@ -94,6 +98,14 @@ class WheelsPlant:
                 found = fault.counts(np.array([row[channel]]), np.array([time_s]), start, np.array([noise]))
                 row[channel] = int(found[0])
         return (*row, 0, 0, *self._commands(time_s))
+
+    def six_counts(self, time_s: float) -> list[int]:
+        """Gyro and accelerometer, x, y, z each, of which a step takes four."""
+        run, vehicle, k = self.scenario, self.vehicle, self._sample(time_s)
+        force_g = np.array(vehicle.force_g()) + run.vibration_g[k]
+        rate = np.array(vehicle.rates_dps())
+        found: list[int] = self.imu.counts(time_s, rate[:, None], force_g[:, None], run.white[k][:, None])[0].tolist()
+        return found
 
     def _commands(self, time_s: float) -> tuple[int, ...]:
         """Roll, pitch, yaw, switches, receiver, and one unused; while the receiver is silent they stay as they are."""

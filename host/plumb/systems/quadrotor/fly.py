@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from plumb.physics import pilots
 from plumb.physics.airframe import command_for
+from plumb.spec.arrays import FloatArray
 from plumb.systems.quadrotor import courses, scenarios
 from plumb.systems.quadrotor.plant import QuadrotorPlant, command_of
 from plumb.systems.quadrotor.vehicle import FRAME
-from plumb.systems.steered import Drawing, Event, Seen, Shape
+from plumb.systems.steered import Controls, Drawing, Event, Quaternion, Reading, Seen, Shape
 
 TUNING = replace(scenarios.HUMMINGBIRD, receiver=replace(scenarios.HUMMINGBIRD.receiver, lands=1))
 """As shipped, but a vehicle that has lost its receiver lands."""
 FRAMES = ("QUADROTOR_ROTOR_0", "QUADROTOR_ROTOR_1", "QUADROTOR_ROTOR_2", "QUADROTOR_ROTOR_3", "QUADROTOR_STATE")
-ATTITUDE = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
+ESTIMATED = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
 SETTLED_S = courses.REST_S
 BREEZE_MPS = 2.0
 AIRFIELD = courses.Course("flown by hand", pilots.centred, wind_mps=BREEZE_MPS, lands=True, happens_s=0.0)
-IMU, AIRFRAME = AIRFIELD.grade, FRAME
+IMU = AIRFIELD.grade
 NOISE_S = 60.0
 """The noise of sensors and gusts repeats after this time."""
 GUST, WEAK, STUCK = "gust", "weak", "stuck"
@@ -60,7 +61,16 @@ def _shapes() -> tuple[Shape, ...]:
 DRAWING = Drawing(
     _shapes(),
     ("front right", "front left", "rear left", "rear right"),
-    float(command_for(np.array(FRAME.weight_n / FRAME.thrust_max_n))),
+    (Reading("height", "m"), Reading("climb", "m/s"), Reading("speed", "m/s")),
+    "The ghost has the estimated attitude. Its heading is the gyro's alone: it begins with the true one when the "
+    "rotors are switched on.",
+)
+CONTROLS = Controls(
+    "flight",
+    "rotors",
+    "Hold W to climb",
+    hover=float(command_for(np.array(FRAME.weight_n / FRAME.thrust_max_n))),
+    modes=("level", "rate"),
 )
 
 
@@ -100,18 +110,40 @@ class Vehicle(QuadrotorPlant):
         vx, vy, vz = body.velocity_mps[:, 0].tolist()
         qw, qx, qy, qz = body.attitude[:, 0].tolist()
         wx, wy, wz = self.vehicles.wind_mps()[:, 0].tolist()
-        return Seen((x, y, z), (vx, vy, vz), (qw, qx, qy, qz), (wx, wy, wz), self._motors)
+        readings = z, vz, float(np.hypot(vx, vy))
+        return Seen((x, y, z), (vx, vy, vz), (qw, qx, qy, qz), (wx, wy, wz), self._motors, (), readings)
 
     def at_rest(self) -> bool:
         body = self.vehicles.body
         still = np.linalg.norm(body.velocity_mps) < STILL_MPS and np.linalg.norm(body.rate_radps) < STILL_RADPS
         return bool(still) and not any(self._motors)
 
+    def six_axes(self, taken: Sequence[int]) -> Sequence[int]:
+        return taken[:6]
+
+
+class Estimate:
+    """The attitude of the newest whole step."""
+
+    def __init__(self) -> None:
+        self._newest: Quaternion | None = None
+
+    def follow(self, values: FloatArray) -> Quaternion | None:
+        whole = values[np.isfinite(values).all(1)]
+        if len(whole):
+            w, x, y, z = whole[-1].tolist()
+            self._newest = w, x, y, z
+        return self._newest
+
+
+def estimate(_period_s: float) -> Estimate:
+    return Estimate()
+
 
 def vehicle(seed: int, /, *, period_us: int = TUNING.period_us) -> Vehicle:
     return Vehicle(seed, period_us)
 
 
-def said(newest: Mapping[str, float]) -> str:
+def said(newest: Mapping[str, float], _heard: bool) -> str:
     phase = int(newest.get("phase", 0))
     return PHASES[phase] if 0 <= phase < len(PHASES) else f"phase {phase}"

@@ -1,4 +1,4 @@
-"""The pilot's transmitter and the receiver on the board: sticks of a page become frames of CRSF on the receiver's line.
+"""The transmitter and the receiver on the board: sticks of a page become frames of CRSF on the receiver's line.
 
 The receiver hears 150 frames a second, all with the newest sticks. A page that has sent none for LOST_S is a lost
 receiver: nothing is sent until it speaks again. A browser that was closed, is hidden or hangs is such a page.
@@ -19,8 +19,8 @@ LOST_S = 0.1
 
 @dataclass(frozen=True)
 class Sticks:
-    """roll, pitch, yaw: -1 to 1, right side down, nose down, to the left; throttle: 0 to 1; on: the rotors' switch;
-    rate: the switch of the mode."""
+    """roll, pitch, yaw: -1 to 1, right side down, nose down, to the left; throttle: 0 to 1; on: the motors'
+    switch; rate: the switch of the mode."""
 
     roll: float = 0.0
     pitch: float = 0.0
@@ -32,7 +32,7 @@ class Sticks:
 
 class Transmitter:
     """One thread says what the sticks are, another one takes the frames. sticks: as they were sent last; off: the
-    switch of the rotors counts as off until the page itself says so, at the beginning and after a stop."""
+    switch of the motors counts as off until the page itself says so, at the beginning and after a stop."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.sticks, self.off = Sticks(), True
@@ -47,12 +47,12 @@ class Transmitter:
         self.off = self.off and sticks.on
 
     def begin(self) -> None:
-        """Another flight, whose time begins at 0."""
+        """Another trip, whose time begins at 0."""
         self.sticks, self.off = Sticks(), True
         self._next_s = self._silent_s = self._time_s = 0.0
 
     def silence(self, seconds: float) -> None:
-        """Send nothing for so long, in time of the flight."""
+        """Send nothing for so long, in time of the trip."""
         self._silent_s = self._time_s + seconds
 
     @property
@@ -65,7 +65,7 @@ class Transmitter:
         return not self.silenced and self._clock() - self._said[1] <= LOST_S
 
     def frames(self, time_s: float) -> bytes:
-        """What the receiver gives the board at this time of the flight."""
+        """What the receiver gives the board at this time of the trip."""
         self._time_s = time_s
         if time_s < self._next_s or not self.heard:
             return b""

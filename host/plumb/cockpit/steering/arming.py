@@ -1,4 +1,4 @@
-"""What keeps the board from being armed by the pilot's switch, and why it disarmed, as it says itself.
+"""What keeps the board from being armed by the receiver's switch, and why it disarmed, as it says itself.
 
 The board arms by the switch of its receiver; no host asks for it.
 """

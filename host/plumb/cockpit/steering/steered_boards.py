@@ -1,4 +1,4 @@
-"""The boards that `plumb fly` flies: the native one, and the flash image on the simulated chip."""
+"""The boards that are steered: the native one, and the flash image on the simulated chip."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from typing import Protocol
 from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.link.session import Session
+from plumb.spec import images
 from plumb.systems.contracts import PINS, sensor_words
-from plumb.systems.steered import STEERED, SteeredVehicle
+from plumb.systems.steered import SteeredVehicle, steered
 from plumb.tuning.quantise import ControlParams
 
 Radio = Callable[[float], bytes]
-"""Bytes of the radio receiver up to a time of the flight."""
+"""Bytes of the radio receiver up to a time of the trip."""
 NATIVE, VIRTUAL = "native", "virtual"
 VIRTUAL_PERIOD_US = 5000
 """Of the steps on the simulated chip, which takes more of this machine's time for each."""
 
 
-class FlownBoard(Protocol):
+class SteeredBoard(Protocol):
     """A board with a vehicle on its pins. board: its session may be another one after `configure`; period_us: of its
     steps."""
 
@@ -31,7 +32,7 @@ class FlownBoard(Protocol):
     def period_us(self) -> int: ...
 
     def configure(self, params: ControlParams, **words: int) -> Session:
-        """Make it fly with these parameters."""
+        """Make it run with these parameters."""
 
     def attach(self, vehicle: SteeredVehicle) -> None:
         """Put a vehicle on its pins, whose time 0 is now."""
@@ -40,13 +41,13 @@ class FlownBoard(Protocol):
         """Let so much simulated time pass."""
 
 
-class NativeFlown:
+class NativeSteered:
     """The main loop as built for this machine, its lines without delay."""
 
     def __init__(self, system: str, radio: Radio) -> None:
         from plumb.boards.native_port import NativePort
 
-        self.period_us = int(systems.load(system, STEERED).TUNING.period_us)
+        self.period_us = int(steered(system).TUNING.period_us)
         self.board = self._port = NativePort(system, None)
         self._port.mcu.wires.uart_in_byte_ns = self._port.mcu.wires.uart_out_byte_ns = 0  # a loop in memory
         self._port.served.radio = radio
@@ -62,14 +63,16 @@ class NativeFlown:
         self._port.uart.pass_us(time_us)
 
 
-class VirtualFlown:
-    """The flash image on the simulated chip, its sensors and its receiver on their pins."""
+class VirtualSteered:
+    """The flash image on the simulated chip, its sensors and its receiver on their pins. image: None is `all`, or the
+    system's own where `all` leaves it out."""
 
     def __init__(self, system: str, radio: Radio, image: Path | None = None) -> None:
         from plumb.boards.virtual import VirtualBoard
 
         self.period_us = VIRTUAL_PERIOD_US
-        self.board = self._virtual = VirtualBoard(image)
+        own = Path(system) if system in images.beside_all() else None
+        self.board = self._virtual = VirtualBoard(image or own)
         self._system, self._radio, self._begin_s = system, radio, 0.0
 
     def configure(self, params: ControlParams, **words: int) -> Session:
@@ -94,6 +97,6 @@ class VirtualFlown:
         machine.advance_us(time_us)
 
 
-def flown_board(board: str, system: str, radio: Radio, image: Path | None = None) -> FlownBoard:
+def steered_board(board: str, system: str, radio: Radio, image: Path | None = None) -> SteeredBoard:
     """The board of that name, `native` or `virtual`. image: the flash image of the latter."""
-    return NativeFlown(system, radio) if board == NATIVE else VirtualFlown(system, radio, image)
+    return NativeSteered(system, radio) if board == NATIVE else VirtualSteered(system, radio, image)

@@ -1,7 +1,7 @@
-"""The loop of a flight: board, vehicle and receiver in simulated time, held back to real time.
+"""The loop of a trip: board, vehicle and receiver in simulated time, held back to real time.
 
-A flight begins on the ground, is recorded from its beginning once it is armed, and is over when the vehicle stands
-still again, disarmed. Then its record and the report are written, and another one may begin.
+A trip begins on the ground, is recorded from its beginning once it is armed, and is over when the vehicle stands still
+again, disarmed or without anybody who steers it. Then its record and the report are written, and another one may begin.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from pathlib import Path
 from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.cockpit.board_run import BoardRun
-from plumb.cockpit.flight.arming import in_the_way, why_disarmed
-from plumb.cockpit.flight.flown_boards import NATIVE, FlownBoard, flown_board
-from plumb.cockpit.flight.rivals import Rivals
-from plumb.cockpit.flight.transmitter import Sticks, Transmitter
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_orders import Order
 from plumb.cockpit.speed import Pace
+from plumb.cockpit.steering.arming import in_the_way, why_disarmed
+from plumb.cockpit.steering.rivals import Rivals
+from plumb.cockpit.steering.steered_boards import NATIVE, SteeredBoard, steered_board
+from plumb.cockpit.steering.transmitter import Sticks, Transmitter
 from plumb.errors import PlumbError, UsageError
 from plumb.link.selection import raw_frames_of
 from plumb.link.session import Session
 from plumb.spec import declarations
-from plumb.systems.steered import STEERED, Event, Steered, SteeredVehicle
+from plumb.systems.steered import Event, Quaternion, Steered, SteeredVehicle, part_of, steered
 from plumb.tuning.quantise import quantise
 
 TURN_US = 5000
 MOST_SLEEP_S = 0.01
 STATE_EVERY_S = 0.1
 REST_S = 1.5
-"""The flight is over when the vehicle has stood still for this long."""
+"""The trip is over when the vehicle has stood still for this long."""
 WAIT_S = 120.0
-"""A flight that has not been armed for this long begins anew, so that its record does not begin with hours of rest."""
+"""A trip that has not been armed for this long begins anew, so that its record does not begin with hours of rest."""
 LOST, LOST_S = "lost", 3.0
 LOST_EVENT = Event("Receiver lost", f"the receiver hears nothing for {LOST_S:g} s", LOST_S)
 NEW, HAPPEN = "run", "happen"
@@ -45,25 +45,25 @@ PICTURE_S = 1.0
 
 
 class _Vehicles:
-    """Puts the vehicle of each flight on the pins of the board."""
+    """Puts the vehicle of each trip on the pins of the board."""
 
-    def __init__(self, steered: Steered, seed: int, flown: FlownBoard) -> None:
-        self._steered, self._seed, self._flown = steered, seed, flown
+    def __init__(self, steered: Steered, seed: int, on: SteeredBoard) -> None:
+        self._steered, self._seed, self._on = steered, seed, on
         self.vehicle = self._drawn()
 
     def _drawn(self) -> SteeredVehicle:
-        return self._steered.vehicle(self._seed, period_us=self._flown.period_us)
+        return self._steered.vehicle(self._seed, period_us=self._on.period_us)
 
     def attach(self, _board: LinkBoard) -> None:
         self.vehicle = self._drawn()
-        self._flown.attach(self.vehicle)
+        self._on.attach(self.vehicle)
 
 
-class FlightLoop(BoardRun):
-    """Flights of one system. Other threads call `hear`, `order` and `stop`, and read `scene`, `state` and `notes`.
+class TripLoop(BoardRun):
+    """Trips of one system. Other threads call `hear`, `order` and `stop`, and read `scene`, `state` and `notes`.
 
-    board: native, or virtual with this flash image. paced: hold the flight back to real time; without it, it is as
-    fast as the machine. flights: that have been armed.
+    board: native, or virtual with this flash image. paced: hold the trip back to real time; without it, it is as fast
+    as the machine. trips: that have been armed.
     """
 
     def __init__(
@@ -78,31 +78,33 @@ class FlightLoop(BoardRun):
         board: str = NATIVE,
         image: Path | None = None,
     ) -> None:
-        self._steered = systems.load(system, STEERED)
+        self._steered = steered(system)
         self.transmitter = Transmitter()
-        self._flown = flown_board(board, system, self.transmitter.frames, image)
-        self._vehicles = _Vehicles(self._steered, seed, self._flown)
+        self._steered_board = steered_board(board, system, self.transmitter.frames, image)
+        self._vehicles = _Vehicles(self._steered, seed, self._steered_board)
         self.scene: dict[str, object] = {}
         self.state: dict[str, object] = {}
-        self.flights = 0
+        self.trips = 0
         self._passed_s = self._took_s = 0.0
         self._paced = paced
         self._begun_s = self._stated_s = 0.0
         self._rests_s: float | None = None
-        self._flew = self._over = self._closed = False
-        self._period_us = self._flown.period_us
+        self._went = self._over = self._closed = False
+        self._period_us = self._steered_board.period_us
         params = quantise(replace(self._steered.TUNING, period_us=self._period_us))
-        self._rivals = Rivals(self._steered, self._period_us)
-        self._flown.configure(
+        self._estimated = 0
+        self._attitude: Quaternion | None = None
+        self._begin_estimates()
+        self._steered_board.configure(
             params,
             **params.link_words(),
             **systems.load(system).LINK,
             period_us=self._period_us,
             receiver=1,
             calibrated=1,  # the simulated sensors are those of the tuning
-            arm_hold_ms=0,  # the simulated speed controllers need no arming pulse
+            arm_hold_ms=0,  # the simulated motors need no arming pulse
         )
-        super().__init__(self._flown.board, hold, folder, self._vehicles, watch=False, command=command)
+        super().__init__(self._steered_board.board, hold, folder, self._vehicles, watch=False, command=command)
 
     # ---- called by other threads ----
 
@@ -112,13 +114,13 @@ class FlightLoop(BoardRun):
             self.transmitter.hear(sticks)
 
     def stop(self) -> None:
-        """The rotors' switch goes off, and stays so until the page that holds the vehicle has it off, too."""
+        """The switch of the motors goes off, and stays so until the page that holds the vehicle has it off, too."""
         self.transmitter.off = True
 
     # ---- the loop ----
 
     def run(self, stopped: Callable[[], bool]) -> None:
-        """Fly until stopped() is true; the record of a flight that is on is written then."""
+        """Go on until stopped() is true; the record of a trip that is on is written then."""
         try:
             self._begin_or_join()
             while not stopped():
@@ -127,7 +129,7 @@ class FlightLoop(BoardRun):
             self.close()
 
     def close(self) -> None:
-        """End the flight that is on, write its record and its report, and close the board."""
+        """End the trip that is on, write its record and its report, and close the board."""
         if self._closed:
             return
         self._closed = True
@@ -138,24 +140,32 @@ class FlightLoop(BoardRun):
         self.board.close()
 
     @property
+    def noun(self) -> str:
+        """What a trip is called."""
+        return self._steered.CONTROLS.trip
+
+    @property
     def speed(self) -> float:
-        """Of all flights so far, as a share of real time."""
+        """Of all trips so far, as a share of real time."""
         return self._passed_s / self._took_s if self._took_s else 1.0
 
     def turn(self) -> None:
         begin_s, wall_s = self._session.clock(), time.monotonic()
         settled = begin_s - self._begun_s > self._steered.SETTLED_S
         self._obey()
-        self._flown.pass_us(TURN_US)  # in one piece; a wait for the first frame would look at the line every 100 us
+        # In one piece: a wait for the first frame would look at the line every 100 us.
+        self._steered_board.pass_us(TURN_US)
         self._session.receive(0.0)
         self._follow()
         if self._over:
             self.transmitter.off = True
         else:
-            self._fly()
+            self._judge()
         now_s = self._session.clock()
         if self.samples is not None:
-            self._rivals.follow(self.samples, sum(motors := self._vehicles.vehicle.seen().motors) / len(motors))
+            rows, self._estimated = self.samples.since(self._estimated, self._steered.ESTIMATED)
+            self._attitude = self._estimate.follow(rows)
+            self._rivals.follow(self.samples, self._vehicles.vehicle, moves=self._armed)
         self._look()
         if now_s - self._stated_s >= STATE_EVERY_S or not self.state:
             self._stated_s = now_s
@@ -170,51 +180,57 @@ class FlightLoop(BoardRun):
         self.transmitter.begin()
         super().begin()
         self._rests_s = None
-        self._rivals = Rivals(self._steered, self._period_us)
-        self._flew = self._over = False
+        self._begin_estimates()
+        self._went = self._over = False
         self._begun_s = self._session.clock()
         self._pace = Pace(self._begun_s)
+
+    def _begin_estimates(self) -> None:
+        self._rivals = Rivals(self._steered, self._period_us)
+        self._estimate = self._steered.estimate(self._period_us * 1e-6)
+        self._estimated, self._attitude = 0, None
 
     def _selection(self, period_us: int) -> tuple[str, ...]:
         return (*raw_frames_of(self._session.system), *self._steered.FRAMES)
 
     def _open(self, session: Session) -> None:
         super()._open(session)
-        session.consent = lambda: True  # the pilot's receiver and his switch decide, in the board
+        session.consent = lambda: True  # the receiver and its switch decide, in the board
 
     @property
     def _armed(self) -> bool:
         return self._capture is not None and self._capture.armed
 
-    def _fly(self) -> None:
-        """The beginning of a record, and the end of a flight."""
+    def _judge(self) -> None:
+        """The beginning of a record, and the end of a trip."""
         now_s = self._session.clock()
-        if self._armed and not self._flew:
-            self._flew = True
-            self.flights += 1
+        if self._armed and not self._went:
+            self._went = True
+            self.trips += 1
             self.recording.start(self.board, self._words)
-        if not self._flew and now_s - self._begun_s > WAIT_S:
+        if not self._went and now_s - self._begun_s > WAIT_S:
             self._renew_plant()
             self.begin()
             return
-        over = self._flew and self._vehicles.vehicle.at_rest() and not (self._armed and self.transmitter.heard)
+        steered = self.transmitter.heard or self.transmitter.silenced
+        over = self._went and self._vehicles.vehicle.at_rest() and not (self._armed and steered)
         self._rests_s = (self._rests_s or now_s) if over else None
         if self._rests_s is not None and now_s - self._rests_s > REST_S:
             self._finish()
 
     def _finish(self) -> None:
-        """End the flight, and write its record."""
+        """End the trip, and write its record."""
         if self._over:
             return
         self._over = True
         if self._armed:
             self._session.disarm()
-        elif self._flew:
+        elif self._went:
             self.note(f"disarmed: {why_disarmed(self._session)}")
         self._session.end()
         self._own_run = False
-        if self._flew:
-            self.note(f"flight {self.flights} is over")
+        if self._went:
+            self.note(f"{self.noun} {self.trips} is over")
         self.recording.stop()
 
     # ---- orders ----
@@ -239,7 +255,7 @@ class FlightLoop(BoardRun):
             self._renew_plant()
             self.begin()
         elif self._over:
-            raise UsageError("the flight is over: begin a new one")
+            raise UsageError(f"the {self.noun} is over: begin a new one")
         elif order.name == LOST:
             self.transmitter.silence(LOST_EVENT.seconds)
             self.note(LOST_EVENT.text)
@@ -257,23 +273,25 @@ class FlightLoop(BoardRun):
 
     def _look(self) -> None:
         seen, sticks = self._vehicles.vehicle.seen(), self.transmitter.sticks
-        newest = {} if self.samples is None else self.samples.newest()
-        estimate = [newest.get(name) for name in self._steered.ATTITUDE]
         self.scene = {
             "time_s": round(self._session.clock() - self._begun_s, 3),
             "position": _rounded(seen.position_m, 4),
             "velocity": _rounded(seen.velocity_mps, 3),
             "attitude": _rounded(seen.attitude, 5),
-            "estimate": None if None in estimate else estimate,
-            "wind": _rounded(seen.wind_mps, 2),
+            "estimate": None if self._attitude is None else _rounded(self._attitude, 5),
+            "wind": None if seen.wind_mps is None else _rounded(seen.wind_mps, 2),
             "motors": _rounded(seen.motors, 3),
+            "turned": _rounded(seen.turned_rad, 3),
+            "readings": _rounded(seen.readings, 3),
+            "armed": self._armed,
+            "happening": list(self._vehicles.vehicle.happening()),
             "rivals": self._rivals.verticals,
             "sticks": [sticks.roll, sticks.pitch, sticks.yaw, sticks.throttle],
         }
 
     @property
     def _why(self) -> str:
-        """Why the pilot's switch does not turn the rotors; "" while it is off, or they turn."""
+        """Why the switch does not turn the motors on; "" while it is off, or they are on."""
         return in_the_way(self._session) if self.transmitter.sticks.on and not self._armed else ""
 
     def _describe(self) -> dict[str, object]:
@@ -287,7 +305,7 @@ class FlightLoop(BoardRun):
             "armed": self._armed,
             "why": self._why,
             "settled": self._session.clock() - self._begun_s >= self._steered.SETTLED_S,
-            "said": self._steered.said(newest),
+            "said": self._steered.said(newest, self.transmitter.heard),
             "heard": self.transmitter.heard,
             "on": self.transmitter.sticks.on,
             "rate": self.transmitter.sticks.rate,
@@ -307,12 +325,15 @@ class FlightLoop(BoardRun):
 
     def drawing(self) -> dict[str, object]:
         """What a page needs once: how to draw the vehicle, and what may happen to it."""
-        drawing = self._steered.DRAWING
+        drawing, controls = self._steered.DRAWING, self._steered.CONTROLS
         return {
+            "command": part_of(self._session.system).name,
             "title": declarations.system(self._session.system).title,
             "shapes": [shape.__dict__ for shape in drawing.shapes],
             "motors": drawing.motors,
-            "hover": drawing.hover,
+            "readings": [reading._asdict() for reading in drawing.readings],
+            "estimate": drawing.estimate,
+            "controls": controls.__dict__,
             "events": self.events,
             "chip_share": self._chip_share,
         }

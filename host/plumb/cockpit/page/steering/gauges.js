@@ -8,10 +8,17 @@ export class Gauges {
   // happen: called with the name of what is to happen.
   constructor(happen) { this.happen = happen; }
 
-  build({ motors, events }) {
+  build({ motors, events, readings, controls }) {
+    this.hover = controls.hover;
+    this.readings = readings.map(({ label, unit }) => {
+      const value = element("output", "", "0.0");
+      value.id = label;
+      byId("readings").append(element("div", "", element("dt", "", label), element("dd", "", value, element("small", "", unit))));
+      return value;
+    });
     this.motors = motors.map((name) => {
       const bar = element("i"), value = element("output");
-      byId("motors").append(element("div", "motor", element("span", "", name), element("div", "bar", bar), value));
+      byId("motors").append(element("div", "motor", element("span", "", name), element("div", controls.hover === null ? "bar both" : "bar", bar), value));
       return { bar, value };
     });
     this.events = events.map(({ name, label, text }) => {
@@ -34,23 +41,23 @@ export class Gauges {
     setText(byId("event-text"), this.events.filter(({ name }) => happening.includes(name)).map(({ text }) => text).join("; "));
   }
 
-  show({ position, velocity, motors, wind, attitude, estimate, rivals, sticks }, hands) {
+  show({ readings, motors, wind, attitude, estimate, rivals, sticks }, hands) {
     const number = (value) => value.toFixed(1).replace("-0.0", "0.0").replace("-", "−");
-    setText(byId("height"), number(position[2]));
-    setText(byId("climb"), number(velocity[2]));
-    setText(byId("speed"), number(Math.hypot(velocity[0], velocity[1])));
+    this.readings?.forEach((value, at) => setText(value, number(readings[at])));
     const up = vertical(attitude), each = { ...rivals, ...(estimate ? { estimate: vertical(estimate) } : {}) };
     for (const button of document.querySelectorAll("[data-ghost]")) {
       const of = each[button.dataset.ghost];
       button.parentElement.hidden = !of;
       if (of) setText(button.nextElementSibling, `${apart(up, of).toFixed(1)}°`);
     }
-    setText(byId("wind"), `${number(Math.hypot(...wind))} m/s`);
+    byId("wind").parentElement.hidden = !wind;
+    if (wind) setText(byId("wind"), `${number(Math.hypot(...wind))} m/s`);
     this.motors?.forEach(({ bar, value }, at) => {
       bar.style.transform = `scaleX(${motors[at]})`;
-      setText(value, `${Math.round(100 * motors[at])} %`);
+      setText(value, `${Math.round(100 * motors[at])} %`.replace("-", "−"));
     });
     const [roll, pitch, yaw, throttle] = sticks;
+    if (this.hover === null) { dot("left", -yaw, 0); dot("right", roll, pitch); return; }
     const lift = hands.holds && hands.hover ? Math.min(Math.max(hands.touch.up ?? hands.keys.up, -1), 1) : 2 * throttle - 1;
     dot("left", -yaw, lift);
     dot("right", roll, pitch);

@@ -1,4 +1,4 @@
-// The page of a flight: what is shown, what is pressed, and the sticks that go to the receiver.
+// The page of a trip, a flight or a ride: what is shown, what is pressed, and the sticks that go to the receiver.
 
 import { byId, element, setText } from "./dom.js";
 import { Gauges } from "./gauges.js";
@@ -6,9 +6,10 @@ import { Hands, stick } from "./hands.js";
 import { gone, showLight, trouble } from "./light.js";
 import { Link } from "./link.js";
 import { Scene, VIEWS } from "./scene.js";
+import { capital, hint, name as nameAll } from "./words.js";
 
 const COLOURS = ["haze", "zenith", "ground", "line", "mark", "wind", "ghost", "vqf", "mahony", "shade"], NOTES = 12;
-let state = null, drawing = null, scene = null, drawnAt = 0, notesShown = "", flight = null;
+let state = null, drawing = null, scene = null, drawnAt = 0, notesShown = "", trip = null, begun = null;
 
 try {
   scene = new Scene(byId("scene"));
@@ -17,10 +18,10 @@ try {
 }
 
 const hands = new Hands({ send: sendSticks, did: act });
-const gauges = new Gauges((name) => link.order({ do: "happen", name }));
+const gauges = new Gauges(happen);
 const KINDS = { drawing: showDrawing, scene: showScene };
 
-class FlightLink extends Link {
+class TripLink extends Link {
   take(data) {
     const said = JSON.parse(data), shown = KINDS[said.type];
     if (!shown) { super.take(data); return; }
@@ -30,28 +31,30 @@ class FlightLink extends Link {
   }
 }
 
-const link = new FlightLink(null, { heard: showState, answered: showAnswer, silent, alive: () => false });
+const link = new TripLink(null, { heard: showState, answered: showAnswer, silent, alive: () => false });
 
 // Sticks are the page's sign of life: a hidden page sends none, and is a lost receiver.
-const flies = () => Boolean(state?.holds) && !document.hidden;
+const steers = () => Boolean(state?.holds) && !document.hidden;
+
+function happen(name) { if (name) link.order({ do: "happen", name }); }
 
 function sendSticks(sticks) {
-  if (flies()) link.send({ do: "sticks", tick: link.drawnTick, ...sticks });
+  if (steers()) link.send({ do: "sticks", tick: link.drawnTick, ...sticks });
 }
 
 // ---- what is shown ----
 
 function silent() {
   state = null;
-  gone("plumb fly does not answer: it has ended, or hangs.");
+  gone(`plumb ${drawing?.command ?? ""} does not answer: it has ended, or hangs.`);
 }
 
 function showDrawing(said) {
   if (drawing) return;
   drawing = said;
-  hands.hover = said.hover;
+  hands.hover = said.controls.hover;
   gauges.build(said);
-  byId("hold").hidden = !said.hover;
+  nameAll(said);
   setText(byId("chip"), said.chip_share ? `The step takes at most ${(100 * said.chip_share).toFixed(1)} % of an STM32F103.` : "");
   if (!scene) return;
   paint();
@@ -62,6 +65,7 @@ function showDrawing(said) {
 function showScene(said) {
   if (!said.position) return;
   hands.seen = said;
+  begun ??= said.position;
   scene?.push(said);
   gauges.show(said, hands);
 }
@@ -71,43 +75,33 @@ function chip(id, said, kind) {
   byId(id).className = `chip ${kind}`;
 }
 
-function hint(said) {
-  if (said.over) return [`The flight is over and recorded${said.holds ? ". New flight: R" : ""}`, ""];
-  if (said.happening.includes("lost")) return ["The receiver hears nothing", "bad"];
-  if (said.on && said.why) return [said.why, "bad"];
-  if (!said.holds) return ["Another page flies; this one watches", ""];
-  if (!said.settled) return ["The sensors settle", ""];
-  if (!said.on) return [said.armed ? "Rotors off" : "Enter switches the rotors on", ""];
-  if (!said.armed) return ["Arming", ""];
-  return hands.seen && hands.seen.position[2] < 0.15 ? [hands.holds ? "Hold W to climb" : "W gives throttle", ""] : ["", ""];
-}
-
 function showState(said) {
   state = said;
   hands.armed = said.armed === true;
   document.querySelector("aside").inert = false;
-  if (!said.light) { trouble("waiting for the flight"); return; }
+  if (!said.light || !drawing) { trouble("waiting for the vehicle"); return; }
   trouble("");
   if (said.may_control && !said.held && !document.hidden) link.order({ do: "take" });
   chip("rate", `${Math.round(100 * said.speed)} % of real time`, said.speed < 0.9 ? "open" : "");
-  byId("rate").title = said.speed < 0.9 ? "This machine is too slow or too busy: end other programs." : "how fast the flight passes";
-  if (flight !== said.run) { flight = said.run; hands.switchRotors(false); scene?.begin(); }
-  if (said.over && hands.on) hands.switchRotors(false);
+  byId("rate").title = said.speed < 0.9 ? "This machine is too slow or too busy: end other programs." : "how fast time passes";
+  if (trip !== said.run) { trip = said.run; begun = null; hands.switchMotors(false); scene?.begin(); }
+  if (said.over && hands.on) hands.switchMotors(false);
   setText(byId("system"), said.system);
   showLight(said.light);
   chip("receiver", said.heard ? "receiver heard" : "receiver lost", said.heard ? "good" : "bad");
   chip("armed", said.armed ? "ARMED" : "disarmed", said.armed ? "armed" : "");
-  const [text, kind] = hint(said), may = said.holds && !said.over;
+  const { motors, modes, trip: noun } = drawing.controls;
+  const [text, kind] = hint(said, drawing, hands.seen, begun, hands.holds), may = said.holds && !said.over;
   setText(byId("hint"), text);
   byId("hint").className = kind;
-  setText(byId("said"), said.over ? "on the ground" : said.armed ? said.said : "rotors off");
-  press("rotors", hands.on, hands.on ? "Rotors off" : "Rotors on", may);
-  press("mode", hands.rate, hands.rate ? "Rate" : "Level", may);
+  setText(byId("said"), said.over ? `the ${noun} is over` : said.armed ? said.said : `${motors} off`);
+  press("motors-on", hands.on, `${capital(motors)} ${hands.on ? "off" : "on"}`, may);
+  if (modes.length) press("mode", hands.rate, capital(modes[Number(hands.rate)]), may);
   press("hold", hands.holds, "Hold height", may);
   byId("new").disabled = !said.holds;
   gauges.showEvents(said.happening, may);
   setText(byId("camera"), `camera ${VIEWS[scene?.view ?? 0]}`);
-  setText(byId("gamepad"), hands.pad ? `gamepad: ${hands.pad}` : "Gamepad: press a button of it. A rotors, B mode, Y height.");
+  setText(byId("gamepad"), hands.pad ? `gamepad: ${hands.pad}` : `Gamepad: press a button of it. A: ${motors}, B: as M${modes.length ? ", Y: as H" : ""}.`);
   showLog(said);
 }
 
@@ -125,7 +119,7 @@ function showLog({ notes, reports }) {
   document.querySelector("#log ol").replaceChildren(...notes.slice(-NOTES).reverse().map(([at, text]) =>
     element("li", "", element("time", "", new Date(1000 * at).toTimeString().slice(0, 8)), text)));
   byId("reports").replaceChildren(...reports.map((name, at) => {
-    const link = element("a", "", `report of flight ${at + 1}`);
+    const link = element("a", "", `report of ${drawing.controls.trip} ${at + 1}`);
     link.href = `reports/${name}`;
     link.target = "_blank";
     return link;
@@ -157,17 +151,17 @@ requestAnimationFrame(draw);
 // ---- what is pressed ----
 
 const ACTS = {
-  rotors: () => hands.switchRotors(!hands.on && state?.settled === true && !state.over),
-  off: () => hands.switchRotors(false),
-  mode: () => { hands.rate = !hands.rate; },
-  height: () => { hands.holds = !hands.holds; },
+  motors: () => hands.switchMotors(!hands.on && state?.settled === true && !state.over),
+  off: () => hands.switchMotors(false),
+  mode: () => { if (drawing.controls.modes.length) hands.rate = !hands.rate; else happen(drawing.controls.event); },
+  height: () => { if (drawing.controls.hover) hands.holds = !hands.holds; },
   camera: () => { if (scene) scene.view = (scene.view + 1) % VIEWS.length; },
   run: () => link.order({ do: "run" }),
 };
-const KEYS = { Enter: "rotors", Escape: "off", KeyM: "mode", KeyH: "height", KeyC: "camera", KeyR: "run" };
+const KEYS = { Enter: "motors", Escape: "off", KeyM: "mode", KeyH: "height", KeyC: "camera", KeyR: "run" };
 
 function act(name) {
-  if (!state?.holds && name !== "camera") return;
+  if ((!state?.holds || !drawing) && name !== "camera") return;
   ACTS[name]();
   if (state) showState(state);
 }
@@ -175,12 +169,14 @@ function act(name) {
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
   if (hands.press(event.code, event.shiftKey)) { event.preventDefault(); return; }
+  const digit = /^Digit([1-9])$/.exec(event.code);
+  if (digit && !event.repeat && state?.holds && !state.over) happen(drawing?.events[digit[1] - 1]?.name);
   if (!KEYS[event.code]) return;
   event.preventDefault();
   if (!event.repeat) act(KEYS[event.code]);
 }, { capture: true });
 addEventListener("keyup", (event) => hands.release(event.code, event.shiftKey), { capture: true });
-for (const [id, name] of [["rotors", "rotors"], ["mode", "mode"], ["hold", "height"], ["camera", "camera"], ["new", "run"]]) {
+for (const [id, name] of [["motors-on", "motors"], ["mode", "mode"], ["hold", "height"], ["camera", "camera"], ["new", "run"]]) {
   byId(id).addEventListener("click", () => act(name));
 }
 for (const button of document.querySelectorAll("[data-ghost]")) {

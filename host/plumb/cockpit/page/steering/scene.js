@@ -1,4 +1,4 @@
-// The airfield in three dimensions: ground, sky, trees, the vehicle by the truth, the estimate as a ghost, wind and trail.
+// The place in three dimensions: ground, sky, trees, the vehicle by the truth, the estimate as a ghost, wind and trail.
 
 import { Camera, Cylinder, Geometry, Mesh, Plane, Renderer, Sphere, Transform } from "./ogl.min.js";
 import { ground, sky, solid } from "./shader.js";
@@ -48,6 +48,7 @@ export class Scene {
     this.view = 0;
     this.shared = Object.fromEntries(["haze", "zenith", "ground", "line", "mark", "wind", "ghost", "vqf", "mahony", "shade"].map((name) => [name, { value: [0, 0, 0] }]));
     this.newest = this.shown = this.headingOff = null;
+    this.went = false;  // the motors were on
     this.slow = this.frames = 0;
     this.trail = [];
     this.trailAt = -1;
@@ -121,11 +122,13 @@ export class Scene {
     return new Mesh(this.gl, { geometry, program, mode: this.gl.LINE_STRIP, frustumCulled: false });
   }
 
-  // Another flight begins.
-  begin() { this.shown = this.headingOff = null; this.trail = []; this.trailAt = -1; }
+  // Another trip begins.
+  begin() { this.shown = this.headingOff = null; this.went = false; this.trail = []; this.trailAt = -1; }
 
-  // What the server saw. The heading of the estimate is the gyro's alone: it begins with the true one.
+  // What the server saw. The heading of the estimate is the gyro's alone: it is the true one until the motors are on.
   push(seen) {
+    this.went ||= seen.armed;
+    if (!this.went) this.headingOff = null;
     if (this.newest && seen.time_s < this.newest.time_s) this.begin();
     this.newest = seen;
     if (seen.estimate && this.headingOff === null) this.headingOff = headingOf(seen.attitude) - headingOf(seen.estimate);
@@ -141,10 +144,11 @@ export class Scene {
     if (!seen || !this.vehicle) return;
     const share = 1 - Math.exp(-seconds / SMOOTH_S), half = (this.headingOff ?? 0) / 2;
     const estimate = seen.estimate ? times([Math.cos(half), 0, 0, Math.sin(half)], unit(seen.estimate)) : seen.attitude;
-    const before = this.shown ?? { position: seen.position, attitude: seen.attitude, estimate, heading: headingOf(seen.attitude), eye: null };
+    const before = this.shown ?? { position: seen.position, attitude: seen.attitude, estimate, heading: headingOf(seen.attitude), turned: seen.turned, eye: null };
     this.shown = {
       position: mix(before.position, seen.position, share), attitude: between(before.attitude, seen.attitude, share),
       estimate: between(before.estimate, estimate, share), heading: before.heading, eye: before.eye,
+      turned: mix(before.turned, seen.turned, share),
     };
     this.place(seconds, seen);
     this.look(seconds);
@@ -153,10 +157,11 @@ export class Scene {
     this.judge(performance.now() - began, seconds);
   }
 
-  place(seconds, { motors, wind, estimate, rivals }) {
+  place(seconds, { motors, wind, estimate, rivals, happening }) {
     const { position, attitude, estimate: guessed } = this.shown, [x, y, z] = position;
     this.vehicle.pose(position, attitude);
     this.vehicle.turn(motors, seconds);
+    for (const one of [this.vehicle, this.shadow.vehicle, ...Object.values(this.ghosts)]) one.set(this.shown.turned, happening);
     for (const [name, ghost] of Object.entries(this.ghosts)) {
       ghost.visible = this.wanted.has(name) && Boolean(name === "estimate" ? estimate : rivals[name]);
       if (ghost.visible) ghost.pose(position, name === "estimate" ? guessed : leaned(attitude, rivals[name]));
@@ -168,10 +173,10 @@ export class Scene {
     this.stalk.visible = z > 0.4;
     this.dome.position.set(x, y, 0);
     this.field.position.set(Math.round(x / 10) * 10, Math.round(y / 10) * 10, 0);
-    const size = Math.hypot(...wind), long = 0.07 * size;
+    const [east, north] = wind ?? [0, 0, 0], size = Math.hypot(...(wind ?? [0])), long = 0.07 * size;
     this.arrow.visible = size > 0.3;
     this.arrow.position.set(x, y, z + 0.45);
-    this.arrow.rotation.z = Math.atan2(wind[1], wind[0]) - Math.PI / 2;
+    this.arrow.rotation.z = Math.atan2(north, east) - Math.PI / 2;
     this.shaft.scale.y = long;
     this.head.position.y = long / 2 + 0.05;
     const drawn = this.trail.length - NOT_YET;  // the picture is a little late

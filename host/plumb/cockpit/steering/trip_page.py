@@ -1,4 +1,4 @@
-"""An open page of a flight: sticks and orders from it, the scene and the state to it, and the files that it is made of.
+"""An open page of a trip: sticks and orders from it, the scene and the state to it, and the files that it is made of.
 
 Sticks come 50 times a second, as {"do": "sticks", "tick": N, "roll": .., "pitch": .., "yaw": .., "throttle": ..,
 "on": .., "rate": ..}; what is no such message is an order.
@@ -12,42 +12,42 @@ from collections.abc import Callable
 from aiohttp import web
 
 from plumb.cockpit import page_orders
-from plumb.cockpit.flight.flight_loop import HAPPEN, NEW, FlightLoop
-from plumb.cockpit.flight.transmitter import Sticks
 from plumb.cockpit.page_orders import Order
 from plumb.cockpit.page_server import Page
+from plumb.cockpit.steering.transmitter import Sticks
+from plumb.cockpit.steering.trip_loop import HAPPEN, NEW, TripLoop
 from plumb.errors import UsageError
 
 STICKS = "sticks"
 SHARED = ("dom", "light", "link")
 """Modules of the cockpit's page that this one uses."""
-OWN = ("fly", "gauges", "hands", "scene", "shader", "vehicle")
+OWN = ("gauges", "hands", "scene", "shader", "steering", "vehicle", "words")
 ASSETS = {
-    "": ("fly/index.html", "text/html"),
-    "fly.css": ("fly/fly.css", "text/css"),
-    "ogl.min.js": ("fly/ogl.min.js", "text/javascript"),
-    **{f"{name}.js": (f"fly/{name}.js", "text/javascript") for name in OWN},
+    "": ("steering/index.html", "text/html"),
+    "steering.css": ("steering/steering.css", "text/css"),
+    "ogl.min.js": ("steering/ogl.min.js", "text/javascript"),
+    **{f"{name}.js": (f"steering/{name}.js", "text/javascript") for name in OWN},
     **{f"{name}.js": (f"{name}.js", "text/javascript") for name in SHARED},
 }
 """As plumb.cockpit.page_server.ASSETS."""
 
 
-class FlightPage(Page):
-    """flight: what the page shows and steers; the other arguments as of Page."""
+class TripPage(Page):
+    """trip: what the page shows and steers; the other arguments as of Page."""
 
     def __init__(
-        self, flight: FlightLoop, socket: web.WebSocketResponse, abort: Callable[[], None], number: int, control: bool
+        self, trip: TripLoop, socket: web.WebSocketResponse, abort: Callable[[], None], number: int, control: bool
     ) -> None:
-        super().__init__(socket, abort, flight, number, control)
-        self._flight = flight
+        super().__init__(socket, abort, trip, number, control)
+        self._trip = trip
         self._drawn = False
 
     async def _rows(self) -> None:
         """The drawing once, then the scene."""
         if not self._drawn:
             self._drawn = True
-            await self._text({"type": "drawing", **self._flight.drawing()})
-        await self._text({"type": "scene", "tick": self._board.hold.next_tick(), **self._flight.scene})
+            await self._text({"type": "drawing", **self._trip.drawing()})
+        await self._text({"type": "scene", "tick": self._board.hold.next_tick(), **self._trip.scene})
 
     def _hear(self, text: str) -> None:
         try:
@@ -55,9 +55,9 @@ class FlightPage(Page):
             if said.get("do") == STICKS:
                 sticks = sticks_of(said)
                 self._board.hold.beat(self._number, _tick(said))
-                self._flight.hear(self._number, sticks)
+                self._trip.hear(self._number, sticks)
                 return
-            order = _order(said, self._number, {str(event["name"]) for event in self._flight.events})
+            order = _order(said, self._number, {str(event["name"]) for event in self._trip.events})
         except UsageError as error:
             self._answers.append({"number": 0, "good": False, "text": str(error)})
             return
@@ -103,7 +103,7 @@ def _tick(said: dict[str, object]) -> int:
 
 
 def _order(said: dict[str, object], page: int, events: set[str]) -> Order | None:
-    """An order of a flight; None: it is one of every page."""
+    """An order of a trip; None: it is one of every page."""
     number = said.get("number", 0)
     if said.get("do") not in (NEW, HAPPEN):
         return None

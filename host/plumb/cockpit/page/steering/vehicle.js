@@ -9,6 +9,7 @@ export const rgb = (text) => [1, 3, 5].map((at) => parseInt(text.slice(at, at + 
 
 function geometryOf(gl, { kind, size_m: size }) {
   if (kind === "box") return new Box(gl, { width: size[0], height: size[1], depth: size[2] });
+  if (kind === "wheel") return new Cylinder(gl, { radiusTop: size[0], radiusBottom: size[0], height: size[1], radialSegments: ROUND });
   if (kind === "propeller") return new Box(gl, { width: 2 * size[0], height: size[1], depth: BLADE_M });
   return new Cylinder(gl, { radiusTop: size[0], radiusBottom: size[0], height: size[1], radialSegments: ROUND });
 }
@@ -19,6 +20,8 @@ export class Vehicle extends Transform {
     super();
     this.blades = [];
     this.discs = [];
+    this.turned = [];
+    this.parts = [];  // those that an event takes away
     for (const shape of shapes) {
       const holder = new Transform(), mesh = new Mesh(gl, { geometry: geometryOf(gl, shape), program: paint(shape.colour) });
       if (shape.kind === "cylinder") mesh.rotation.x = Math.PI / 2;  // its axis is y
@@ -26,7 +29,11 @@ export class Vehicle extends Transform {
       holder.rotation.z = shape.turn_rad;
       mesh.setParent(holder);
       holder.setParent(this);
-      if (shape.kind !== "propeller") continue;
+      if (shape.without) this.parts.push({ holder, without: shape.without });
+      if (shape.kind !== "propeller") {
+        if (shape.motor >= 0) this.turned.push({ mesh, motor: shape.motor });
+        continue;
+      }
       this.blades.push({ holder, motor: shape.motor, spin: shape.spin });
       if (!discs) continue;
       const disc = new Mesh(gl, {
@@ -43,6 +50,12 @@ export class Vehicle extends Transform {
   pose(place, [w, x, y, z]) {
     this.position.set(...place);
     this.quaternion.set(x, y, z, w);
+  }
+
+  // angles: of the parts that motors turn, in rad; happening: the events that are on.
+  set(angles, happening) {
+    for (const { mesh, motor } of this.turned) mesh.rotation.y = angles[motor] ?? 0;
+    for (const { holder, without } of this.parts) holder.visible = !happening.includes(without);
   }
 
   turn(motors, seconds) {

@@ -1,4 +1,4 @@
-// The pilot's hands: keyboard, gamepad and the two sticks on the page become sticks of a transmitter.
+// The hands: keyboard, gamepad and the two sticks on the page become sticks of a transmitter.
 
 const SEND_MS = 20, KEY_SHARE = 0.55, KEY_PER_S = 5, DEAD = 0.08, MOST_CLIMB_MPS = 1.6, THROTTLE_PER_S = 0.4;
 const HEIGHT_PER_S2 = 2, CLIMB_PER_S = 2.6, SUM_PER_S3 = 0.5, G = 9.80665, GROUND_M = 0.05, AHEAD_M = 1.2;
@@ -8,7 +8,7 @@ const KEYS = {
   ArrowUp: ["pitch", 1], ArrowDown: ["pitch", -1], ArrowRight: ["roll", 1], ArrowLeft: ["roll", -1],
 };
 const AXES = { yaw: [0, -1], up: [1, -1], roll: [2, 1], pitch: [3, -1] };
-const BUTTONS = { 0: "rotors", 1: "mode", 3: "height", 9: "run" };
+const BUTTONS = { 0: "motors", 1: "mode", 3: "height", 9: "run" };
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 export class Hands {
@@ -19,7 +19,7 @@ export class Hands {
     this.touch = {};
     this.on = this.rate = this.armed = false;  // armed: the board; a throttle before that would keep it from it
     this.holds = true;
-    this.hover = 0;
+    this.hover = 0;  // null: no throttle, both sticks drive
     this.reset();
     this.at = performance.now();
     setInterval(() => send(this.read()), SEND_MS);
@@ -28,7 +28,7 @@ export class Hands {
 
   reset() { Object.assign(this, { throttle: 0, wanted: null, sum: 0, floor: null }); }
 
-  switchRotors(on) {
+  switchMotors(on) {
     this.on = on;
     this.reset();
   }
@@ -41,7 +41,7 @@ export class Hands {
     const most = this.fast ? 1 : KEY_SHARE, sum = { roll: 0, pitch: 0, yaw: 0, up: 0 };
     for (const code of this.down) sum[KEYS[code][0]] += KEYS[code][1];
     for (const name of Object.keys(sum)) {
-      const target = sum[name] * (name === "up" ? 1 : most), step = KEY_PER_S * seconds;
+      const target = sum[name] * (name === "up" && this.hover !== null ? 1 : most), step = KEY_PER_S * seconds;
       this.keys[name] += clamp(target - this.keys[name], -step, step);
     }
     const pad = this.readGamepad();
@@ -63,8 +63,9 @@ export class Hands {
     const now = performance.now(), seconds = Math.min((now - this.at) / 1000, 0.1);
     this.at = now;
     const { roll, pitch, yaw, up } = this.asked(seconds);
-    const throttle = this.on && this.armed ? this.throttleFor(up, seconds) : 0;
-    return { roll, pitch, yaw, throttle, on: this.on, rate: this.rate };
+    const drives = this.hover === null;
+    const throttle = !drives && this.on && this.armed ? this.throttleFor(up, seconds) : 0;
+    return { roll, pitch: drives ? clamp(pitch + up, -1, 1) : pitch, yaw, throttle, on: this.on, rate: this.rate };
   }
 
   throttleFor(up, seconds) {

@@ -9,22 +9,22 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from plumb.cockpit.arming import Answer
-from plumb.cockpit.flight.flight_loop import FlightLoop
-from plumb.cockpit.flight.flight_page import ASSETS, FlightPage
-from plumb.cockpit.flight.transmitter import Sticks
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_orders import Order
 from plumb.cockpit.page_server import PageServer
+from plumb.cockpit.steering.transmitter import Sticks
+from plumb.cockpit.steering.trip_loop import TripLoop
+from plumb.cockpit.steering.trip_page import ASSETS, TripPage
 
 PILOT = 1
 
 
-class FlightBench:
+class TripBench:
     """wall_s: the clock of the transmitter, which the test alone moves."""
 
     def __init__(self, system: str, folder: Path, board: str = "native") -> None:
         self.wall_s = 0.0
-        self.loop = FlightLoop(system, 1000, Hold(clock=lambda: 0.0), folder=folder, paced=False, board=board)
+        self.loop = TripLoop(system, 1000, Hold(clock=lambda: 0.0), folder=folder, paced=False, board=board)
         self.loop.transmitter._clock = lambda: self.wall_s
         self.loop.hold.take(PILOT)
         self.loop._begin_or_join()
@@ -57,11 +57,11 @@ class FlightBench:
 
 
 @contextlib.contextmanager
-def flying(loop: FlightLoop) -> Iterator[PageServer]:
+def flying(loop: TripLoop) -> Iterator[PageServer]:
     """Its page, while the loop runs in a thread."""
     ended = threading.Event()
     thread = threading.Thread(target=loop.run, args=(ended.is_set,))
-    with PageServer(loop, assets=ASSETS, opened=functools.partial(FlightPage, loop)) as server:
+    with PageServer(loop, assets=ASSETS, opened=functools.partial(TripPage, loop)) as server:
         thread.start()
         try:
             yield server
