@@ -8,6 +8,7 @@
     plumb tune pid --board native --out out/pid        test quad's loop with its plant, and gains with margins
     plumb tune pid --board native --test step --phase-deg 40
     plumb tune pid --board native --system quadrotor --loop pitch --phase-deg 45 --gain-db 8 --delay-ms 30
+    plumb tune pid --board native --system wheels --phase-deg 30 --delay-ms 20             its turn rate
     plumb tune pid flight.plog --loop roll --phase-deg 45 --out out/roll        a vehicle that you have flown
     plumb tune pid --board serial:/dev/ttyUSB0 --arm-and-move
 
@@ -28,8 +29,9 @@ fits a plant with lag and delay to what the tilt rate does, and works out gains 
 and delay. On `native` and `virtual` the system's plant is simulated, and the test is made again with the new gains. On
 a board behind a link it arms the board and moves the machine: only with --arm-and-move. Of a vehicle in the air the
 stick of an axis swings, in lockstep with the simulated vehicle alone; the margins are those of rate and vertical
-together, and of the rate without the vertical. A real vehicle is never armed for it: fly it by its receiver, record
-with `plumb record --run live`, or fly with `plumb fly`, and give the log. A minute in which the stick of the axis moves
+together, and of the rate without the vertical. Of `wheels`, rolling straight ahead, the stick of the turn rate swings;
+its loop of balance is not tested. A real vehicle is never armed for it: fly it by its receiver, record with
+`plumb record --run live`, or fly with `plumb fly`, and give the log. A minute in which the stick of the axis moves
 without a pause, level and gently, is enough. Exit code 1 when no gains have the margins.
 """
 
@@ -84,7 +86,9 @@ def add_pid(pid: argparse.ArgumentParser) -> None:
     options.add_system(pid, "simulated system (default: that of `plumb demo`)")
     options.add_tuning(pid)
     pid.add_argument(
-        "--loop", metavar="AXIS", help="of a system with several loops: roll or pitch (default: the first)"
+        "--loop",
+        metavar="AXIS",
+        help="which loop of a vehicle: roll or pitch of quadrotor, turn of wheels (default: the first)",
     )
     pid.add_argument("--period-us", type=int, metavar="US", help="period of the simulated system (default: its own)")
     options.add_seed(pid, "the plant")
@@ -98,7 +102,13 @@ def add_pid(pid: argparse.ArgumentParser) -> None:
     pid.add_argument(
         "--test", choices=("sines", "step"), default="sines", help="signal of the setpoint (default sines)"
     )
-    pid.add_argument("--amplitude", type=float, default=8.0, metavar="DEG", help="largest setpoint (default 8)")
+    pid.add_argument(
+        "--amplitude",
+        type=float,
+        default=8.0,
+        metavar="DEG",
+        help="largest setpoint; of turn in deg/s (default 8)",
+    )
     pid.add_argument("--periods", type=int, default=8, help="repetitions of the test signal, 4 s each (default 8)")
     pid.add_argument("--phase-deg", type=float, default=35.0, help="least phase margin (default 35)")
     pid.add_argument("--gain-db", type=float, default=6.0, help="least gain margin, both ways (default 6)")
@@ -228,7 +238,8 @@ def tune_pid(arguments: argparse.Namespace) -> bool:
             again = pid_tuning.tune(second, wanted, design=False)
     for sentence in pid_page.warnings(tuning):
         print(f"plumb: warning: {sentence}", file=sys.stderr)
-    period_ms, swing = 1e-3 * tuning.tuning.period_us, f"{arguments.amplitude:g} deg, {arguments.periods} periods"
+    period_ms, held = 1e-3 * tuning.tuning.period_us, tuning.tested.held
+    swing = f"{arguments.amplitude:g} {held.unit}, {arguments.periods} periods"
     lead = f"{tuning.tuning.system} on {arguments.board}, steps of {period_ms:g} ms; setpoint swung by {swing}."
     plots = pid_page.plots(tuning, again) if arguments.out else []
     give(

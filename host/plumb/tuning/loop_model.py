@@ -144,7 +144,7 @@ class Loop(Generic[G]):
     def __init__(self, plant: PlantModel, controller: LoopController[G], hz: FloatArray | None = None) -> None:
         period_s = controller.period_s
         self.hz: FloatArray = np.geomspace(LOWEST_HZ, 0.499 / period_s, GRID_POINTS) if hz is None else hz
-        self.controller, self._plant = controller, plant
+        self.controller, self.plant = controller, plant
         self.rate, self.tilt = plant.sampled(self.hz, period_s)
         self._estimated, self._corrected = controller.estimate(self.hz, self.rate, self.tilt)
 
@@ -154,7 +154,7 @@ class Loop(Generic[G]):
 
     def closed(self, hz: FloatArray, gains: G) -> Response:
         """Response of the tilt to the setpoint, at any frequencies above 0."""
-        there = Loop(self._plant, self.controller, hz)
+        there = Loop(self.plant, self.controller, hz)
         ones, zeros = np.ones(len(hz), np.complex128), np.zeros(len(hz), np.complex128)
         straight = self.controller.command(hz, ones, zeros, gains)
         return np.asarray(there.tilt * straight / (1.0 + there.gain(gains)))

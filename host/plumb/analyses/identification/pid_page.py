@@ -9,7 +9,7 @@ import numpy as np
 
 from plumb.analyses.identification import chosen_settings
 from plumb.analyses.identification.pid_design import Wanted
-from plumb.analyses.identification.pid_tuning import PidTuning, hold_rms_deg, step_response
+from plumb.analyses.identification.pid_tuning import PidTuning, hold_rms, step_response
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Table
 from plumb.proof.xy_plot import Axis, Curve, XyPlot
 from plumb.spec.arrays import FloatArray
@@ -55,7 +55,7 @@ def _margins(found: Margins) -> list[str]:
 
 def tables(tuning: PidTuning, again: PidTuning | None) -> list[Table]:
     """again: the test with the new gains, where it was made."""
-    figures = tuning.plant.figures
+    figures, held = tuning.plant.figures, tuning.tested.held
     plant = [
         [
             label,
@@ -79,9 +79,10 @@ def tables(tuning: PidTuning, again: PidTuning | None) -> list[Table]:
     columns = [_margins(tuning.before), _margins(tuning.design.margins)]
     columns += [_margins(again.before)] if again else []
     rows = [list(row) for row in zip(labels, *columns, wanted, strict=True)]
-    holds = [hold_rms_deg(one.run, HOLD_S) for one in (tuning, *([again] if again else []))]
+    holds = [hold_rms(one.run, HOLD_S) for one in (tuning, *([again] if again else []))]
     if again and holds[0] is not None and holds[1] is not None:
-        rows.append([f"tilt at setpoint 0, rms over {HOLD_S:g} s, deg", f"{holds[0]:.2f}", "", f"{holds[1]:.2f}", ""])
+        label = f"{held.quantity} at setpoint 0, rms over {HOLD_S:g} s, {held.unit}"
+        rows.append([label, f"{holds[0]:.2f}", "", f"{holds[1]:.2f}", ""])
     rows.append(["response to a torque, dB", "0", f"{tuning.design.rejection_db:+z.1f}", *([""] if again else []), ""])
     found.append(Table("Margins", head, rows, MARGIN_NOTE, bad_rows=_bad(tuning.design.margins, tuning.wanted)))
     for old, new in tuning.parts:
@@ -115,7 +116,7 @@ def _faster(tuning: PidTuning) -> Table:
     for period_us in tuning.faster:
         rows.append([f"{1e-3 * period_us:g} ms", *_reached(tuning, tuning.design.rejection_db, period_us)])
     note = (
-        "The same plant and margins; gains worked out for each period. Less is better: a torque tilts the machine less."
+        "The same plant and margins; gains worked out for each period. Less is better: a torque moves the machine less."
     )
     return Table("Shorter steps", ["period", "margins met", "response to a torque, dB"], rows, note)
 
@@ -184,11 +185,12 @@ def plots(tuning: PidTuning, again: PidTuning | None) -> list[XyPlot | Plot]:
             [turned, *(Curve(name, loop_hz, _degrees(gain), colour) for name, gain, colour in gains)],
         ),
     ]
-    steps = []
+    steps, held = [], tuning.tested.held
     for name, one, colour in pairs:
         time_s, tilt = step_response(tuning.loop, one, STEP_S, period_s)
         steps.append(Curve(name, time_s, tilt, colour))
-    drawn.append(XyPlot("Step of the setpoint by 1 deg, by the model", Axis("time (s)"), Axis("tilt (deg)"), steps))
+    title, answer = f"Step of the setpoint by 1 {held.unit}, by the model", f"{held.quantity} ({held.unit})"
+    drawn.append(XyPlot(title, Axis("time (s)"), Axis(answer), steps))
     drawn += [_over_time(name, one) for name, one in (("before", tuning), ("after", again)) if one is not None]
     return drawn
 
@@ -202,17 +204,19 @@ def _degrees(response: Response) -> FloatArray:
 def _over_time(name: str, one: PidTuning) -> Plot:
     run, period_s = one.run, one.tuning.period_s
     time_s = period_s * np.arange(len(run.raw))
+    held = one.tested.held
     lines = [
         Line("setpoint", one.tested.asked_deg(run.raw, run.setpoint), TRUTH),
-        Line("tilt, estimated", one.tested.estimated_deg(run.signals()), ESTIMATE),
+        Line(f"{held.quantity}, estimated", one.tested.estimated_deg(run.signals()), ESTIMATE),
     ]
-    return Plot(f"Test {name}", "deg", time_s, lines)
+    return Plot(f"Test {name}", held.unit, time_s, lines)
 
 
 def to_json(tuning: PidTuning, again: PidTuning | None) -> dict[str, object]:
     def plain(found: Margins) -> dict[str, object]:
         return {name: value if math.isfinite(value) else None for name, value in asdict(found).items()}
 
+    runs = (tuning, *([again] if again else []))
     return {
         "system": tuning.tuning.system,
         "period_us": tuning.tuning.period_us,
@@ -224,7 +228,7 @@ def to_json(tuning: PidTuning, again: PidTuning | None) -> dict[str, object]:
         "margins": plain(tuning.design.margins),
         "margins_measured": plain(again.before) if again else None,
         "margins_rate_alone": [plain(new) for _, new in tuning.parts],
-        "hold_rms_deg": [hold_rms_deg(one.run, HOLD_S) for one in (tuning, *([again] if again else []))],
+        f"hold_rms_{tuning.tested.held.suffix}": [hold_rms(one.run, HOLD_S) for one in runs],
         "met": tuning.design.met,
         "refusal": tuning.refusal(),
         "warnings": warnings(tuning),

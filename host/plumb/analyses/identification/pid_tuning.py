@@ -84,8 +84,9 @@ def tune(run: LoopRun | FlownRun, wanted: Wanted, *, design: bool = True) -> Pid
     return PidTuning(run, plant, loop, before, wanted, found, parts, faster)
 
 
-def hold_rms_deg(run: LoopRun | FlownRun, seconds: float) -> float | None:
-    """Rms of the true tilt in the last seconds before the test signal, while the setpoint is 0; None on a machine."""
+def hold_rms(run: LoopRun | FlownRun, seconds: float) -> float | None:
+    """Rms of the true tilt, or what else the loop holds, in the last seconds before the test signal, while the setpoint
+    is 0; None on a machine."""
     if not len(run.truth_deg):
         return None
     end = run.begin - len(run.excitation.setpoint_deg)

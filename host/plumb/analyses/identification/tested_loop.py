@@ -38,6 +38,18 @@ MOST_COMMAND = 0.98
 GAINS = ("kp_per_deg", "ki_per_deg_s", "kd_per_dps", "derivative_tau_s")
 
 
+@dataclass(frozen=True)
+class Held:
+    """What a loop holds: the quantity that its swing asks for, its unit, and that unit in a name."""
+
+    quantity: str
+    unit: str
+    suffix: str
+
+
+TILT = Held("tilt", "deg", "deg")
+
+
 class Inputs(Protocol):
     """Raw counts and setpoints of a test, and the first step that is measured."""
 
@@ -50,8 +62,11 @@ class Inputs(Protocol):
 
 
 class TestedLoop(Protocol[G]):
-    """One loop of a system. The swing is a tilt in degrees that the setpoint, or a stick, asks for."""
+    """One loop of a system. The swing is what the setpoint, or a stick, asks for: a tilt in degrees, or what `held`
+    names; the names of the members are those of a tilt."""
 
+    @property
+    def held(self) -> Held: ...
     @property
     def tuning(self) -> AnyTuning: ...
     @property
@@ -126,6 +141,7 @@ class AxisLoop:
     """The simulated axis is held by hand, pulled and let go first."""
     signals: tuple[str, str] = ("command", "rate_dps")
     on_link: bool = True
+    held: Held = TILT
 
     @property
     def gains(self) -> Pid:

@@ -1,19 +1,18 @@
-"""Margins of the loops of `quadrotor` on any board: one flight an axis, in which one sine follows the other.
+"""Margins of the loops of `quadrotor` on any board, swept in a calm hover (plumb.proof.loop_sweep).
 
-The board flies the vehicle of the simulation in lockstep. A sine is added to the commands of the rotors, in the pattern
-of roll, pitch or yaw; what the board answers in that pattern, by what the rotors get, is minus the loop's gain.
+The sine is added to the commands of the rotors, in the pattern of roll, pitch or yaw.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from plumb.boards.contract import Board
+from plumb.boards.contract import Board, Stepper
 from plumb.judging.quadrotor.loops import AMPLITUDE, HIGH_HZ, LOW_HZ, PATTERNS
+from plumb.proof.loop_sweep import sines, swept
 from plumb.spec.arrays import FloatArray
 from plumb.systems.quadrotor import courses
 from plumb.systems.quadrotor import scenarios as quadrotor
@@ -25,35 +24,27 @@ from plumb.tuning.quantise import quantise
 HOW = f"Swept in flight on the virtual board in lockstep, {LOW_HZ:g} to {HIGH_HZ:g} Hz, broken at the mixer, seed 1000."
 HZ = np.geomspace(LOW_HZ, HIGH_HZ, 32)
 SEED = 1000
-SETTLES_S, MEASURED_S, PERIODS = 0.5, 1.5, 3
-"""Before a sine is measured; then for so long at least, and for so many of its periods."""
-CORNER_HZ, LARGEST = 8.0, 4.0
-"""Above the corner a sine grows with its frequency, since rotors and loop follow it less; at most to LARGEST times."""
 
 
-@dataclass(frozen=True)
-class Sine:
-    """One frequency: begun at begin_s, measured from measured_s to end_s, whole periods."""
+class Hovering:
+    """One axis of a hovering vehicle."""
 
-    hz: float
-    amplitude: float
-    begin_s: float
-    measured_s: float
-    end_s: float
+    def __init__(self, plant: QuadrotorPlant, stepper: Stepper, pattern: FloatArray) -> None:
+        self._plant, self._stepper, self._pattern = plant, stepper, pattern
+        self._own = np.zeros(4)
+        self._command = np.zeros((4, 1))
 
-    def added(self, time_s: float) -> float:
-        return self.amplitude * math.sin(2.0 * math.pi * self.hz * (time_s - self.begin_s))
+    def command(self, time_s: float) -> float:
+        plant = self._plant
+        if time_s > 0.0:
+            plant.vehicles.advance(self._command)
+        outputs = self._stepper.step(plant.counts(time_s), plant.setpoint(time_s)).outputs
+        self._own = command_of(np.array([outputs[f"pulse_halfus_{rotor}"] for rotor in range(4)]))
+        return float(self._pattern @ self._own)
 
-
-def sines(axis: str, frequencies: FloatArray) -> list[Sine]:
-    """One after the other, from when the pilot begins."""
-    found, now_s = [], courses.ACTS_S
-    for hz in frequencies.tolist():
-        whole = max(math.ceil(MEASURED_S * hz), PERIODS)
-        amplitude = AMPLITUDE[axis] * min(max(hz / CORNER_HZ, 1.0), LARGEST)
-        found.append(Sine(hz, amplitude, now_s, now_s + SETTLES_S, now_s + SETTLES_S + whole / hz))
-        now_s = found[-1].end_s
-    return found
+    def drive(self, added: float) -> float:
+        self._command = np.clip(self._own + self._pattern * added, 0.0, 1.0)[:, None]
+        return float(self._pattern @ self._command[:, 0])
 
 
 def swept_on(
@@ -64,29 +55,13 @@ def swept_on(
     period_us: int = quadrotor.PERIOD_US,
 ) -> Response:
     """Gain of the loop at these frequencies."""
-    plan = sines(axis, frequencies)
+    plan = sines(AMPLITUDE[axis], frequencies, courses.ACTS_S)
     run = quadrotor.scenario("lean", SEED, period_us=period_us, seconds=plan[-1].end_s + 1e-6 * period_us)
     hovering = replace(run, course=replace(courses.LEVEL, seconds=run.steps * 1e-6 * period_us))
-    plant, stepper = QuadrotorPlant(hovering), board.stepper(quantise(run.fit(replace(tuning, period_us=period_us))))
-    pattern, period_s, command = PATTERNS[axis], period_us * 1e-6, np.zeros((4, 1))
-    given, got = np.zeros(len(plan), np.complex128), np.zeros(len(plan), np.complex128)
-    at = 0
-    for step in range(run.steps):
-        time_s = step * period_s
-        if step:
-            plant.vehicles.advance(command)
-        outputs = stepper.step(plant.counts(time_s), plant.setpoint(time_s)).outputs
-        own = command_of(np.array([outputs[f"pulse_halfus_{rotor}"] for rotor in range(4)]))
-        while at < len(plan) - 1 and time_s >= plan[at].end_s:
-            at += 1
-        sine = plan[at]
-        added = sine.added(time_s) if time_s >= sine.begin_s else 0.0
-        command = np.clip(own + pattern * added, 0.0, 1.0)[:, None]
-        if sine.measured_s <= time_s < sine.end_s:
-            turned = np.exp(-2j * np.pi * sine.hz * time_s)
-            given[at] += float(pattern @ own) * turned
-            got[at] += float(pattern @ command[:, 0]) * turned
-    return np.asarray(-given / got)
+    stepper = board.stepper(quantise(run.fit(replace(tuning, period_us=period_us))))
+    return swept(
+        Hovering(QuadrotorPlant(hovering), stepper, PATTERNS[axis]), plan, run.steps, period_us * 1e-6
+    )  # fmt: skip
 
 
 def margins_on(board: Board) -> Mapping[str, Margins]:

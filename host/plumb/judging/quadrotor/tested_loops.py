@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from plumb.analyses.identification.pid_design import Search, as_typed
-from plumb.analyses.identification.tested_loop import Inputs
+from plumb.analyses.identification.tested_loop import TILT, Held, Inputs
 from plumb.boards.contract import RawCounts, Setpoints
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.records import Words
@@ -71,6 +71,7 @@ class AxisOfVehicle:
     axis: str
     settle_s: float = courses.ACTS_S + HEIGHT_SETTLES_S
     on_link: bool = False
+    held: Held = TILT
 
     @property
     def index(self) -> int:

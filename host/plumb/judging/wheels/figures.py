@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from plumb.judging.balancer import loops
+from plumb.judging.wheels import sweep
 from plumb.judging.wheels.ridden import Ridden, ride
 from plumb.proof import loop_figures
 from plumb.proof.figures import Figure, Sense
@@ -48,7 +49,8 @@ ASSUMED = (
     f" 2 mg; vibration white, {wheels.VIBRATION_G:g} g an axis. Pushes and rough ground as `balancer`.",
     "Ice: at 0.4 m/s, pushed by up to 3 m/s^2 and asked to slow to 0.1 m/s while a wheel, or both, slip.",
     "Margins: about upright, the wheels rolling, both loops as models; balance broken at the duty, the speed loop"
-    " closed; with 0.9 and 1.1 of the battery's voltage the worse one.",
+    " closed; with 0.9 and 1.1 of the battery's voltage the worse one. tools/gen_margins.py sweeps the flash image: the"
+    f" same loop of balance and that of the turn rate, at {sweep.ROLLS_MPS:g} m/s.",
 )
 LIMITS: Limits = {(name, TUNING, "closed"): (Limit(RMS_METRIC, "at most", RUN_DEG, "deg"),) for name in VELOCITY_MPS}
 
@@ -161,6 +163,8 @@ def margins(seeds: Iterable[int]) -> Iterator[Figure]:
     for name, found in loop_margins().items():
         least = LEAST if name == "balance" else None
         yield from loop_figures.rows(name, found, "upright", TUNING, least, "model, every 5 ms")
+    for name, found in loop_figures.identified("wheels").items():
+        yield from loop_figures.rows(name, found, "upright", TUNING, LEAST, "flash image")
     late = _ridden("level", tuple(seeds), LATE_STEPS)
     yield Figure(
         "stay up with 20 ms of further delay", "level", TUNING, "%", "at least", 100.0, float(np.mean(_up(late)))
