@@ -1,6 +1,6 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
-.PHONY: help demo setup test confirm-campaigns test-fast test-long test-times pytest release-trial image images libraries native c-tests sanitize fuzz size check-style \
+.PHONY: help demo setup test confirm-campaigns test-fast test-long test-times pytest release-trial image flash-images images libraries native c-tests sanitize fuzz size check-style \
     lint-workflows format generate docs film wheel summary clean
 .DEFAULT_GOAL := help
 
@@ -60,6 +60,12 @@ image: ## the flash image, and the core as a program for QEMU
 	@cmake --build --preset stm32f103 $(QUIET)
 	@$(VENV)/python tools/build_images.py --beside-all $(QUIET)
 
+# What the package holds: without the programs for QEMU.
+flash-images:
+	@cmake --preset stm32f103 $(QUIET)
+	@cmake --build --preset stm32f103 --target firmware $(QUIET)
+	@$(VENV)/python tools/build_images.py --beside-all $(QUIET)
+
 images: ## the flash images by name, each system alone, sets, all; each checked; NAMES="quad ..." for some
 	@$(VENV)/python tools/build_images.py $(NAMES)
 
@@ -110,7 +116,7 @@ size: image ## flash, RAM and stack by function, and what differs from the commi
 # Flash images that pass the golden vectors; then sdist and wheel around them.
 wheel: ## sdist and wheel in dist/, with the flash images inside, and the images in dist/firmware
 	@tools/setup.sh release
-	@$(MAKE) --no-print-directory image libraries
+	@$(MAKE) --no-print-directory flash-images libraries
 	@rm -rf dist
 	@$(VENV)/python tools/package_images.py --release dist/firmware
 	@$(VENV)/python -m build --outdir dist >build/wheel.log 2>&1 || { cat build/wheel.log; exit 1; }
