@@ -139,8 +139,9 @@ USED = {
     "PULSES": ("the outputs to speed controllers", ("PULSES",)),
     "BRIDGE": ("the three-phase bridge, with its Hall sensors", ("BRIDGE", "BALANCE")),
     "ROTORS": ("the outputs to the speed controllers of four rotors", ("ROTORS",)),
+    "WHEELS": ("the drivers of two wheels, with their encoders and the rider's switch", ("WHEELS", "RIDE")),
     "ANALOG": ("the analog inputs", ("ANALOG_3", "ANALOG_6")),
-    "DIGITAL": ("the digital sensors", ("BALANCE", "SIX_AXES")),
+    "DIGITAL": ("the digital sensors", ("BALANCE", "SIX_AXES", "RIDE")),
 }
 """Part of a board -> what it is, and the declared outputs and sensor sets that need it."""
 
@@ -158,7 +159,7 @@ def used_parts_h(built: Iterable[System]) -> str:
         *(f"#define USED_{part} {int(bool(asked & set(by)))} /* {what} */" for part, (what, by) in USED.items()),
         f"#define USED_RECEIVER {int(any('receiver' in system.parts for system in built))} /* the radio receiver */",
         f"#define USED_BATTERY {int(any('battery' in system.parts for system in built))} /* the battery's inputs */",
-        "#define USED_ACTUATORS (USED_PULSES || USED_ROTORS || USED_BRIDGE)",
+        "#define USED_ACTUATORS (USED_PULSES || USED_ROTORS || USED_BRIDGE || USED_WHEELS)",
         "",
     ]
     return LINE_1 + "\n".join([*lines, "#endif", ""])

@@ -50,7 +50,8 @@ typedef struct {
 #define BOARD_PINS_STANDARD  0u /* both open: two speed controllers; USART1 on PA9, PA10 */
 #define BOARD_PINS_BRIDGE    1u /* PB5 at ground: three-phase bridge, Hall sensors; USART1 on PB6, PB7 */
 #define BOARD_PINS_QUADROTOR 2u /* PB4 at ground: four speed controllers; USART1 on PA9, PA10 */
-#define BOARD_PINS_UNKNOWN   3u /* both at ground, or not steady: drives nothing, no USART1 */
+#define BOARD_PINS_WHEELS    3u /* both at ground: drivers and encoders of two wheels; USART1 on PA9, PA10 */
+#define BOARD_PINS_UNKNOWN   4u /* not steady: drives nothing, no USART1 */
 
 /* Settings that apply once, at start. */
 typedef struct {

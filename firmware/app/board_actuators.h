@@ -1,4 +1,5 @@
-/* Actuators: pulses for speed controllers, the three-phase bridge, and the switch that arms them. */
+/* Actuators: pulses for speed controllers, the three-phase bridge, the drivers of two wheels, and the switch
+ * that arms them. */
 #ifndef PLUMB_BOARD_ACTUATORS_H
 #define PLUMB_BOARD_ACTUATORS_H
 
@@ -7,6 +8,7 @@
 
 #define BOARD_ACTUATORS 2u /* pulse outputs of the pin set standard */
 #define BOARD_ROTORS    4u /* pulse outputs of the pin set quadrotor */
+#define BOARD_WHEELS    2u /* motors of the pin set wheels: left, right */
 
 /* Set the outputs to neutral, and set the pulse frame's length and the neutral pulse, both in
  * half-microseconds. The frame is clamped to the bounds of core/esc.h; a neutral pulse outside them is
@@ -23,8 +25,8 @@ void board_set_rotors(const uint32_t pulse_halfus[BOARD_ROTORS]);
 /* True while the arm switch is closed, not debounced. */
 bool board_arm_switch(void);
 
-/* The board has just armed: the outputs may leave neutral from now on. Switches the bridge on, at duty 0;
- * after the break input has switched it off, only this function switches it on again. */
+/* The board has just armed: the outputs may leave neutral from now on. Switches bridge and wheels on, at duty
+ * 0; after the break input has switched it off, only this function switches it on again. */
 void board_arm_actuator(void);
 
 /* Set the bridge's duty, -32767..32767 (Q15): the motor gets this share of its supply. Positive turns it
@@ -32,8 +34,13 @@ void board_arm_actuator(void);
  * is off. */
 void board_set_bridge(int32_t duty_q15);
 
-/* The one safe state: every output at the neutral pulse, every switch of the bridge off. A neutral pulse
- * begins at most ESC_FRAME_ENDED_HALFUS later, however long the frame is. */
+/* Set the duties of two motors, -32767..32767 (Q15), positive forward. Does nothing with another pin set or
+ * while they are off. */
+void board_set_wheels(const int32_t duty_q15[BOARD_WHEELS]);
+
+/* The one safe state: every output at the neutral pulse, every switch of the bridge off, PWM and directions
+ * of the wheels low. A neutral pulse begins at most ESC_FRAME_ENDED_HALFUS later, however long the frame is.
+ */
 void board_actuator_neutral(void);
 
 /* Clear BOARD_FAULT_STALLED, and those of BOARD_FAULT_BRIDGE and BOARD_FAULT_HALL whose cause is gone. */

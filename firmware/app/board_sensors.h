@@ -2,10 +2,11 @@
 #ifndef PLUMB_BOARD_SENSORS_H
 #define PLUMB_BOARD_SENSORS_H
 
+#include "generated/used_parts.h"
 #include <stdbool.h>
 #include <stdint.h>
 
-#define BOARD_RAW_MAX 6u /* raw counts of one sample; a system uses the first few */
+#define BOARD_RAW_MAX (USED_WHEELS ? 9u : 6u) /* raw counts of one sample; a system uses the first few */
 
 /* Where the accelerometer is. */
 typedef enum {
@@ -20,7 +21,9 @@ typedef enum {
     BOARD_SENSORS_ANALOG_3, /* PA0 to PA2 */
     BOARD_SENSORS_ANALOG_6, /* PA0 to PA3, PB0, PB1; INT16_MIN for an input at a rail or stuck */
     BOARD_SENSORS_BALANCE,  /* angular rate and two accelerations of the digital sensors */
-    BOARD_SENSORS_SIX_AXES  /* angular rates x, y, z and accelerations x, y, z of the digital sensors */
+    BOARD_SENSORS_SIX_AXES, /* angular rates x, y, z and accelerations x, y, z of the digital sensors */
+    BOARD_SENSORS_RIDE      /* angular rate y, accelerations x and z, angular rate z; encoders left and right,
+                               rider */
 } board_sensor_kind_t;
 
 typedef struct {

@@ -97,6 +97,8 @@ static void actuate(void) {
         board_set_rotors((const uint32_t *)out);
     } else if (USED_BRIDGE && system->output == CONTROL_OUTPUT_BRIDGE) {
         board_set_bridge(out[0]);
+    } else if (USED_WHEELS && system->output == CONTROL_OUTPUT_WHEELS) {
+        board_set_wheels(out);
     }
 }
 
@@ -105,7 +107,8 @@ typedef char control_assert_sensors[(int)CONTROL_SENSORS_NONE == (int)BOARD_SENS
                                             (int)CONTROL_SENSORS_ANALOG_3 == (int)BOARD_SENSORS_ANALOG_3 &&
                                             (int)CONTROL_SENSORS_ANALOG_6 == (int)BOARD_SENSORS_ANALOG_6 &&
                                             (int)CONTROL_SENSORS_BALANCE == (int)BOARD_SENSORS_BALANCE &&
-                                            (int)CONTROL_SENSORS_SIX_AXES == (int)BOARD_SENSORS_SIX_AXES
+                                            (int)CONTROL_SENSORS_SIX_AXES == (int)BOARD_SENSORS_SIX_AXES &&
+                                            (int)CONTROL_SENSORS_RIDE == (int)BOARD_SENSORS_RIDE
                                         ? 1
                                         : -1];
 

@@ -80,7 +80,7 @@ static uint16_t missing(plumb_plausibility_t *p, const plumb_plausibility_bounds
 
     bits |= still ? 0U : PLUMB_PLAUSIBILITY_MOVING;
     bits |= p->converged && p->converged_s_q33 >= CONVERGED_FOR ? 0U : PLUMB_PLAUSIBILITY_CONVERGING;
-    bits |= word[b->setpoint] == 0 ? 0U : PLUMB_PLAUSIBILITY_SETPOINT;
+    bits |= abs_u32(word[b->setpoint]) <= b->setpoint_max ? 0U : PLUMB_PLAUSIBILITY_SETPOINT;
     bits |= abs_u32(word[b->tilt]) <= b->ready_turn_q32 ? 0U : PLUMB_PLAUSIBILITY_TILTED;
     bits |= holds(&p->ready_s_q33, bits == 0U, dt, READY_FOR) ? 0U : PLUMB_PLAUSIBILITY_SETTLING;
     return (uint16_t)bits;

@@ -52,7 +52,7 @@
 #define ARMING_BLOCK_OWNER 0x2000U /* another link began the run, and alone may arm */
 #define ARMING_BLOCK_PARAMETER                                                                               \
     0x4000U /* with the parameters in use an armed board would break a promise: staging_unsafe() */
-#define ARMING_BLOCK_STOPPED 0x8000U /* the step has stopped the rotors: PLAUSIBILITY says why */
+#define ARMING_BLOCK_STOPPED 0x8000U /* the step has stopped the motors: PLAUSIBILITY says why */
 /* Reasons that concern hosts only: they neither keep the switch from arming nor disarm it. */
 #define ARMING_BLOCKS_HOST                                                                                   \
     (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_SWITCH_OWNS | ARMING_BLOCK_OWNER)

@@ -4,7 +4,7 @@
 
 #define US_Q33 8590U /* 1 us in s Q33, 8 ppm too long; periods are 0.1 s at most */
 
-#define USED_PLAUSIBILITY (USED_PULSES || USED_BRIDGE)
+#define USED_PLAUSIBILITY (USED_PULSES || USED_BRIDGE || USED_WHEELS)
 
 /* NULL: nothing is plausible or not. */
 static const plumb_plausibility_bounds_t *bounds_of(const control_system_t *checked) {
@@ -13,6 +13,10 @@ static const plumb_plausibility_bounds_t *bounds_of(const control_system_t *chec
 
 static bool flies(const control_system_t *checked) {
     return USED_ROTORS && checked != NULL && checked->takeoff != NULL;
+}
+
+static bool rolls(const control_system_t *checked) {
+    return USED_WHEELS && checked != NULL && checked->output == CONTROL_OUTPUT_WHEELS;
 }
 
 void readiness_begin(readiness_t *r, const control_system_t *system) {
@@ -29,7 +33,13 @@ static uint16_t failed(const readiness_t *r, const control_system_t *checked) {
     if (flies(checked)) {
         return r->stopped;
     }
-    return bounds_of(checked) != NULL ? r->now.plausibility.failed : 0U;
+    const unsigned stopped = rolls(checked) ? r->stopped : 0U;
+
+    return bounds_of(checked) != NULL ? (uint16_t)(r->now.plausibility.failed | stopped) : 0U;
+}
+
+static uint16_t reason(const void *words, uint8_t place) {
+    return (uint16_t)(((const uint32_t *)words)[place] << READINESS_STOPPED_SHIFT);
 }
 
 void readiness_step(readiness_t *r, const control_system_t *checked, const params_t *params,
@@ -37,13 +47,14 @@ void readiness_step(readiness_t *r, const control_system_t *checked, const param
     const plumb_plausibility_bounds_t *const bounds = bounds_of(checked);
 
     if (flies(checked)) {
-        const uint32_t why = ((const uint32_t *)words)[checked->takeoff->stopped];
-
         plumb_takeoff_step(&r->now.takeoff, checked->takeoff, words, US_Q33 * params->period_us);
-        r->stopped = (uint16_t)(why << READINESS_STOPPED_SHIFT);
+        r->stopped = reason(words, checked->takeoff->stopped);
     } else if (bounds != NULL) {
         plumb_plausibility_step(&r->now.plausibility, bounds, words, (int32_t)(US_Q33 * params->period_us),
                                 params->variance_turn2_q56);
+        if (rolls(checked)) {
+            r->stopped = reason(words, bounds->stopped);
+        }
     }
     if (armed && failed(r, checked) != 0) {
         r->disarmed_by = failed(r, checked); /* by the next poll */
@@ -53,14 +64,17 @@ static uint16_t missing(const readiness_t *r, const control_system_t *checked) {
     if (flies(checked)) {
         return (uint16_t)(r->now.takeoff.missing | r->outside);
     }
-    return bounds_of(checked) != NULL ? r->now.plausibility.missing : 0U;
+    const unsigned outside = rolls(checked) ? r->outside : 0U;
+
+    return bounds_of(checked) != NULL ? (uint16_t)(r->now.plausibility.missing | outside) : 0U;
 }
 
 uint16_t readiness_blocked(const readiness_t *r, const control_system_t *checked, bool armed) {
-    const unsigned by_check = flies(checked) ? ARMING_BLOCK_STOPPED : ARMING_BLOCK_IMPLAUSIBLE;
+    const unsigned why = failed(r, checked);
     unsigned blocked = 0;
 
-    blocked |= failed(r, checked) != 0 ? by_check : 0U;
+    blocked |= why >> READINESS_STOPPED_SHIFT != 0 ? ARMING_BLOCK_STOPPED : 0U;
+    blocked |= (why & ~(~0U << READINESS_STOPPED_SHIFT)) != 0 ? ARMING_BLOCK_IMPLAUSIBLE : 0U;
     blocked |= missing(r, checked) != 0 && !armed ? ARMING_BLOCK_NOT_READY : 0U;
     return (uint16_t)blocked;
 }

@@ -12,7 +12,7 @@
 
 /* What is missing on the side of a pilot's receiver: bits of PLAUSIBILITY.missing beside PLUMB_TAKEOFF_. */
 #define READINESS_RECEIVER  0x0020U /* it is lost, or was never heard */
-#define READINESS_SWITCH_ON 0x0040U /* the rotors are switched on: they have to be switched off first */
+#define READINESS_SWITCH_ON 0x0040U /* the motors are switched on: they have to be switched off first */
 #define READINESS_LOCKED    0x0080U /* the arm switch of the board is closed, which is its lock */
 #define READINESS_RAW       0x0400U /* the sensors were never calibrated */
 
@@ -20,8 +20,10 @@
 #define READINESS_BATTERY_LOW     0x0100U /* its voltage is below battery_min_mv */
 #define READINESS_BATTERY_UNKNOWN 0x0200U /* its voltage is not known, or none that a battery has */
 
-/* Why the step of what flies has stopped its rotors begins at this bit of failed and disarmed_by. */
+/* Why the step of a vehicle has stopped its motors begins at this bit of failed and disarmed_by. */
 #define READINESS_STOPPED_SHIFT 8U
+#define READINESS_FALLEN        0x2000U /* one of these reasons: it fell, which the step keeps until the run ends \
+                                         */
 
 typedef struct {
     union {
@@ -29,8 +31,8 @@ typedef struct {
         plumb_takeoff_t takeoff; /* of a system that flies */
     } now;
     uint16_t disarmed_by; /* PLUMB_PLAUSIBILITY_ACCEL and so on: the checks that failed last while armed */
-    uint16_t stopped; /* why the step of a system that flies has stopped the rotors, shifted; 0: it has not */
-    uint16_t outside; /* READINESS_, set by the session on every turn */
+    uint16_t stopped;     /* why the step of a vehicle has stopped the motors, shifted; 0: it has not */
+    uint16_t outside;     /* READINESS_, set by the session on every turn */
 } readiness_t;
 
 /* Call at the start of a run of that system. */
@@ -40,7 +42,7 @@ void readiness_begin(readiness_t *r, const control_system_t *system);
 void readiness_step(readiness_t *r, const control_system_t *checked, const params_t *params,
                     const void *words, bool armed);
 
-/* ARMING_BLOCK_IMPLAUSIBLE while a check fails, ARMING_BLOCK_STOPPED while the step has stopped the rotors,
+/* ARMING_BLOCK_IMPLAUSIBLE while a check fails, ARMING_BLOCK_STOPPED while the step has stopped the motors,
  * ARMING_BLOCK_NOT_READY while a condition for arming is missing and the board is not armed. */
 uint16_t readiness_blocked(const readiness_t *r, const control_system_t *checked, bool armed);
 

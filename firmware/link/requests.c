@@ -65,7 +65,7 @@ static uint16_t run_forbids_staged(const session_t *s, const request_t *q, uint1
     if (armed && s->run.links.owner != q->link) {
         return MESSAGE_NACK_REASON_OWNER;
     }
-    if (session_flown(s) && staging_unsafe(s->staging.table) != PARAMS_COUNT) { /* it would disarm */
+    if (session_piloted(s) && staging_unsafe(s->staging.table) != PARAMS_COUNT) { /* it would disarm */
         *detail = staging_unsafe(s->staging.table);
         return MESSAGE_NACK_REASON_UNSAFE_PARAMETER;
     }
@@ -147,7 +147,7 @@ static uint16_t execute(session_t *s, const request_t *q, uint16_t verb) {
 /* While a pilot holds the board armed, of all requests EXECUTE DISARM alone stops it. ARM would hold the
  * rotors at neutral, and then wait for keep-alives. */
 static bool refused_in_flight(session_t *s, const request_t *q) {
-    if (session_flown(s)) {
+    if (session_piloted(s)) {
         routing_nack(&s->routing, q, MESSAGE_NACK_REASON_ARMED, s->run.step);
         return true;
     }

@@ -30,6 +30,8 @@ static bool actuator_present(const session_t *s) {
         return s->board->pins == BOARD_PINS_BRIDGE;
     case CONTROL_OUTPUT_ROTORS:
         return s->board->pins == BOARD_PINS_QUADROTOR;
+    case CONTROL_OUTPUT_WHEELS:
+        return s->board->pins == BOARD_PINS_WHEELS;
     default:
         return false;
     }
@@ -55,19 +57,24 @@ static bool has_receiver(const session_t *s) {
 }
 #endif
 
-bool session_flown(const session_t *s) {
+bool session_piloted(const session_t *s) {
     return has_receiver(s) && arming_armed(&s->arming) && s->arming.by_switch;
 }
 
+/* A vehicle on wheels is safe when it is off; one in the air is not. */
+static bool flown(const session_t *s) {
+    return session_piloted(s) && control_system(&s->params->control)->takeoff != NULL;
+}
+
 static bool faulty(const session_t *s) {
-    const unsigned blocking = session_flown(s) ? SESSION_FAULTS_FLOWN : SESSION_FAULTS_BLOCKING;
+    const unsigned blocking = flown(s) ? SESSION_FAULTS_FLOWN : SESSION_FAULTS_BLOCKING;
 
     return (s->status.faults & blocking) != 0 || s->step_overdue;
 }
 
 /* A pilot may not raise the throttle, nor anyone move the vehicle, before the rotors turn. */
 static bool past_takeoff(const session_t *s) {
-    return session_flown(s) ? arming_driving(&s->arming) : arming_armed(&s->arming);
+    return flown(s) ? arming_driving(&s->arming) : arming_armed(&s->arming);
 }
 
 /* ARMING_BLOCK_* for the host of a link; LINK_NONE: without a host. */
@@ -186,6 +193,12 @@ static void follow_pilot(session_t *s, bool locked, uint32_t now_us) {
         arming_try_switch(&s->arming, arming_blocked(s, s->run.links.owner), ARMING_SWITCH_TRY_US, hold_us(s),
                           now_us);
     }
+#if USED_WHEELS
+    /* A fall is kept until the run ends. */
+    if (s->run.stand_alone && !arming_armed(&s->arming) && (s->readiness.stopped & READINESS_FALLEN) != 0U) {
+        run_end(&s->run);
+    }
+#endif
     if (s->run.mode != RUN_IDLE || s->bootloader_asked || !actuator_present(s)) {
         s->busy_us = now_us;
     } else if (now_us - s->busy_us >= SESSION_ALONE_US) {
@@ -247,7 +260,7 @@ void session_report(session_t *s, const session_report_t *report, uint32_t now_u
 
 /* True when steps come too late for a board that is armed. One that a pilot flies may miss a few. */
 static bool late(const session_t *s) {
-    return s->step_overdue || (!session_flown(s) && (s->status.faults & BOARD_FAULT_LATE) != 0U);
+    return s->step_overdue || (!flown(s) && (s->status.faults & BOARD_FAULT_LATE) != 0U);
 }
 
 session_orders_t session_take_orders(session_t *s, uint32_t now_us) {

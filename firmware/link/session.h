@@ -143,10 +143,11 @@ void session_receive_sticks(session_t *s, const uint8_t *bytes, size_t count, ui
 void session_receive_edges(session_t *s, const uint16_t *stamps_us, size_t count, uint32_t now_us);
 #endif
 
-/* True while a pilot's switch holds the board armed. Then no host ends or begins a run, the link of a host
- * does not matter, and of the board's faults only SESSION_FAULTS_FLOWN, and steps that do not come, disarm:
- * in the air a reason that is none is a crash. The step handles lost sensors and a lost receiver itself. */
-bool session_flown(const session_t *s);
+/* True while a pilot's switch holds the board armed. Then no host ends or begins a run, and the link of a
+ * host does not matter. Of the faults of a board that flies only SESSION_FAULTS_FLOWN, and steps that do not
+ * come, disarm: in the air a reason that is none is a crash. Its step handles lost sensors and a lost
+ * receiver. */
+bool session_piloted(const session_t *s);
 
 /* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop after session_report(), at
  * least once per millisecond. */

@@ -34,7 +34,9 @@ typedef enum {
     CONTROL_SENSORS_ANALOG_3, /* three analog inputs */
     CONTROL_SENSORS_ANALOG_6, /* six analog inputs; INT16_MIN where an input is at a rail or hangs */
     CONTROL_SENSORS_BALANCE,  /* angular rate and two accelerations of the digital sensors, Hall edges */
-    CONTROL_SENSORS_SIX_AXES  /* three angular rates, three accelerations of the digital sensors */
+    CONTROL_SENSORS_SIX_AXES, /* three angular rates, three accelerations of the digital sensors */
+    CONTROL_SENSORS_RIDE      /* two angular rates, two accelerations of the digital sensors, two encoders, a
+                                 switch */
 } control_sensors_t;
 
 #define CONTROL_NO_WORD 255U /* in a frame: its 16 bits are 0 */

@@ -112,6 +112,7 @@ KERNEL uint32_t mix(plumb_wheels_words_t *w, int32_t duty_max_q15, int32_t turn_
     const int32_t wanted = asr32(w->turn.demand_q24, 9);
     const int32_t turn = clamp_i32(wanted, -left_over, left_over);
     w->turn.excess_q24 = (wanted - turn) * 512;
+    w->turn_duty_q15 = turn;
     w->duty_left_q15 = w->duty_q15 - turn;
     w->duty_right_q15 = w->duty_q15 + turn;
     return wanted != turn ? PLUMB_WHEELS_FLAG_TURN_LIMITED : 0U;
@@ -150,7 +151,9 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     take_balancer(w, b);
 
     flags |= b->flags;
-    const bool drives = w->phase != PLUMB_WHEELS_STOPPED && (flags & PLUMB_WHEELS_FLAG_FALLEN) == 0U;
+    w->stop_reason = (w->phase == PLUMB_WHEELS_STOPPED ? PLUMB_WHEELS_STOP_RIDER : 0U) |
+                     ((flags & PLUMB_WHEELS_FLAG_FALLEN) != 0U ? PLUMB_WHEELS_STOP_FALLEN : 0U);
+    const bool drives = w->stop_reason == 0U;
     rate_loop_step(&w->turn, &p->turn, INT32_MAX, q->integral_max_q30, w->asked_turnps_q28,
                    w->turn_rate_turnps_q28,
                    !drives ? RATE_LOOP_OFF
@@ -160,6 +163,7 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
         flags |= mix(w, p->drive.duty_max_q15, q->turn_duty_max_q15) | PLUMB_WHEELS_FLAG_DRIVES;
     } else {
         w->turn.excess_q24 = 0;
+        w->turn_duty_q15 = 0;
         w->duty_left_q15 = 0;
         w->duty_right_q15 = 0;
     }
@@ -190,7 +194,9 @@ SELDOM_CALLED bool plumb_wheels_params_valid(const plumb_params_t *p) {
 
 /* As balancer; a rider who steps on shakes it. */
 const plumb_plausibility_bounds_t plumb_wheels_plausibility = {
-    PLUMB_PLAUSIBILITY_PLACES(plumb_wheels_words_t, setpoint_speed_q15, accel_x_g_q26, accel_z_g_q26),
+    PLUMB_PLAUSIBILITY_PLACES(plumb_wheels_words_t, asked_mps_q26, accel_x_g_q26, accel_z_g_q26),
+    .stopped = PLUMB_PLAUSIBILITY_AT(plumb_wheels_words_t, stop_reason),
+    .setpoint_max = 3355443U,      /* 0.05 m/s: no stick rests in its very middle */
     .accel_min_g2_q20 = 167772U,   /* 0.4 g */
     .accel_max_g2_q20 = 3397386U,  /* 1.8 g */
     .rest_min_g2_q20 = 849347U,    /* 0.9 g */

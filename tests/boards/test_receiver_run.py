@@ -84,7 +84,7 @@ def native() -> Flight:
     mcu.wires.strap = QUADROTOR
     mcu.wires.receiver_byte_ns = round(BYTE_S * 1e9)
     mcu.power_on()
-    mcu.wires.raw[:] = [5, -3, 2, 20, 40, 2048]
+    mcu.sense([5, -3, 2, 20, 40, 2048])
     return Flight(Session.open(mcu.uart), mcu.receiver_send, mcu)
 
 

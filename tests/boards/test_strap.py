@@ -25,8 +25,13 @@ CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 BOOT_US = 60_000
 ESC_PINS, GATE_PINS, ROTOR_PINS = ("PB6", "PB7"), HIGH_PINS + LOW_PINS, ("PA0", "PA1", "PA2", "PA3")
 ACTUATORS = {"standard": ESC_PINS, "bridge": GATE_PINS, "quadrotor": ROTOR_PINS}
-UART_PINS = {"standard": ("PA9", "PA10"), "bridge": ("PB6", "PB7"), "quadrotor": ("PA9", "PA10"), "both": ()}
-SETS = {"standard": 0, "bridge": 1, "quadrotor": 2, "both": 3}
+UART_PINS = {
+    "standard": ("PA9", "PA10"),
+    "bridge": ("PB6", "PB7"),
+    "quadrotor": ("PA9", "PA10"),
+    "wheels": ("PA9", "PA10"),
+}
+SETS = {"standard": 0, "bridge": 1, "quadrotor": 2, "wheels": 3}
 CAPTURES = 3
 """CC1S of TIM1_CCMR1: PA8 is an input, the receiver's pulse train."""
 FAULT_STRAP, BLOCKED_PINS, BLOCKED_FAULT = 0x8000, 1 << 9, 1 << 3

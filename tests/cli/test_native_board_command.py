@@ -42,7 +42,7 @@ def test_golden_vectors_pass_and_ctrl_c_ends_it(capsys: pytest.CaptureFixture[st
     capsys.readouterr()
 
 
-@pytest.mark.parametrize("name", [name for name, declared in declarations.systems().items() if declared.is_armed])
+@pytest.mark.parametrize("name", [name for name, declared in declarations.systems().items() if declared.is_driven])
 def test_it_comes_up_as_a_system_with_its_plant_on_the_sensors(name: str) -> None:
     with served("--system", name) as (address, _), Session.open(address) as session:
         assert "saved in flash" in session.connect().parameter_source

@@ -35,7 +35,7 @@ except UsageError as missing:
 SCENES = [
     (name, scenario)
     for name, declared in declarations.systems().items()
-    if declared.is_armed
+    if declared.is_driven
     for scenario in scenarios_of(name)
 ]
 LIMITED = {row.name: row for row in parameters.table() if row.armed}

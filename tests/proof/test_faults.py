@@ -35,7 +35,7 @@ LEAST = {
 RATE_CHECK = 2
 """Bit of PLAUSIBILITY."""
 ROOT = Path(__file__).parents[2]
-DRIVEN = [name for name, declared in declarations.systems().items() if declared.is_armed]
+DRIVEN = [name for name, declared in declarations.systems().items() if declared.is_driven]
 
 try:
     find_image()

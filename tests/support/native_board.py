@@ -75,7 +75,7 @@ class NativeBoard(NativeUart):
     # ---- wires ----
 
     def sensors(self, raw: tuple[int, ...] = AT_REST, faults: int = 0) -> None:
-        self.wires.raw[:] = raw
+        self.mcu.sense(raw)
         self.wires.faults = faults
 
     def switch(self, closed: bool) -> None:

@@ -13,8 +13,8 @@
  *                 differentiated over one step, would be hundreds of deg/s. Or: the two differ from step to
  *                 step, in any direction, by more than the system's bound, mean over 0.25 s: noise
  *
- * A system is ready when it is at rest, the filter has converged, the setpoint is 0 and the tilt is below the
- * system's limit, all of them for 300 ms.
+ * A system is ready when it is at rest, the filter has converged, the setpoint is 0, or small, and the tilt
+ * is below the system's limit, all of them for 300 ms.
  *
  * Not detected: a sensor that reads its rest value while nothing moves; an accelerometer that is wrong by
  * less than the limits from the first step on.
@@ -46,15 +46,17 @@ extern "C" {
 /* What is checked of a system: the places of the signals in its record, in words of 32 bits from its start,
  * and their plausible ranges. */
 typedef struct {
-    uint8_t setpoint;          /* 0 at rest */
-    uint8_t rate;              /* turn/s Q28, calibrated, bias included */
-    uint8_t rate_corrected;    /* turn/s Q28 */
-    uint8_t accel[2];          /* g Q26, along two axes */
-    uint8_t tilt_measured;     /* turn Q32 */
-    uint8_t tilt;              /* turn Q32, fused */
-    uint8_t variance;          /* R of the step, 2^32 lsb */
-    uint8_t innovation;        /* turn Q32 */
-    uint8_t k0;                /* Q29 */
+    uint8_t setpoint;       /* at rest setpoint_max at most, of either sign */
+    uint8_t rate;           /* turn/s Q28, calibrated, bias included */
+    uint8_t rate_corrected; /* turn/s Q28 */
+    uint8_t accel[2];       /* g Q26, along two axes */
+    uint8_t tilt_measured;  /* turn Q32 */
+    uint8_t tilt;           /* turn Q32, fused */
+    uint8_t variance;       /* R of the step, 2^32 lsb */
+    uint8_t innovation;     /* turn Q32 */
+    uint8_t k0;             /* Q29 */
+    uint8_t stopped; /* why the step has stopped the motors, while it is not 0; place 0: it never does */
+    uint32_t setpoint_max;
     uint32_t accel_min_g2_q20; /* range of the squared length of the acceleration */
     uint32_t accel_max_g2_q20;
     uint32_t rest_min_g2_q20; /* range of its mean at rest */

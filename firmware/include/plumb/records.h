@@ -264,6 +264,8 @@ typedef struct {
     uint32_t absent_steps; /* steps for which the rider's switch has been open */
     uint32_t receiver_number; /* number of the receiver's newest frame; 0: no receiver is in use */
     uint32_t age_steps; /* steps since a new frame of the receiver */
+    uint32_t stop_reason; /* why the motors are off: 32 it fell, 64 nobody rides; 0: they are on */
+    int32_t turn_duty_q15; /* duty for turning that balance leaves, positive to the left */
     int32_t duty_left_q15; /* duty of the left motor, -32767 to 32767, positive forward */
     int32_t duty_right_q15; /* duty of the right motor */
     uint32_t flags; /* PLUMB_WHEELS_FLAG_* of this step */

@@ -36,6 +36,10 @@ extern "C" {
 #define PLUMB_WHEELS_RIDDEN   1U
 #define PLUMB_WHEELS_STOPPING 2U /* the rider has left: comes to rest, balanced */
 
+/* Word `stop_reason`: in PLAUSIBILITY.failed these bits are 8 higher. */
+#define PLUMB_WHEELS_STOP_FALLEN 32U /* kept until the run ends */
+#define PLUMB_WHEELS_STOP_RIDER  64U /* phase is PLUMB_WHEELS_STOPPED */
+
 /* The record of the last step, then the state of balancer, whose own words are in no digest of this system
  * but where the step copies them. */
 typedef struct {

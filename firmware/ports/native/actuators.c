@@ -1,4 +1,5 @@
-/* Pulse outputs, the bridge and the arm switch, with the bounds of ports/stm32f103/pwm.c. */
+/* Pulse outputs, the bridge, the motors of two wheels and the arm switch, with the bounds of
+ * ports/stm32f103/pwm.c. */
 #include "core/esc.h"
 #include "port.h"
 
@@ -40,9 +41,11 @@ static void drive(const uint32_t pulse_halfus[], uint32_t count) {
     }
 }
 
-static void bridge_off(void) {
+static void motors_off(void) {
     native.bridge_on = 0u;
     native.duty_q15 = 0;
+    native.wheels_on = 0u;
+    native.wheel_duty_q15[0] = native.wheel_duty_q15[1] = 0;
 }
 
 void actuators_reset(void) {
@@ -50,15 +53,15 @@ void actuators_reset(void) {
     board_configure_actuator(START_FRAME_HALFUS, CONSTANT_NEUTRAL_HALFUS);
 }
 
-/* The break input and lost Hall sensors switch the bridge off without the loop. */
+/* The break input, and of the bridge lost Hall sensors, switch the motors off without the loop. */
 void actuators_advance(void) {
-    if (!port_bridge()) {
+    if (!port_bridge() && !port_wheels()) {
         return;
     }
     broken = broken || native.bridge_break != 0u;
-    hall_failed = hall_failed || native.hall_lost != 0u;
+    hall_failed = hall_failed || (port_bridge() && native.hall_lost != 0u);
     if (native.bridge_break != 0u || hall_failed) {
-        bridge_off();
+        motors_off();
     }
 }
 
@@ -90,6 +93,16 @@ void board_arm_actuator(void) {
         native.bridge_on = 1u;
         native.duty_q15 = 0;
     }
+    if (port_wheels() && native.bridge_break == 0u && !port_stalled()) {
+        native.wheels_on = 1u;
+    }
+}
+
+void board_set_wheels(const int32_t duty_q15[BOARD_WHEELS]) {
+    if (native.wheels_on != 0u) {
+        native.wheel_duty_q15[0] = duty_q15[0];
+        native.wheel_duty_q15[1] = duty_q15[1];
+    }
 }
 
 void board_set_bridge(int32_t duty_q15) {
@@ -103,7 +116,7 @@ void board_actuator_neutral(void) {
     const uint32_t pulse = good ? neutral_halfus : CONSTANT_NEUTRAL_HALFUS;
     const uint32_t all[BOARD_ROTORS] = {pulse, pulse, pulse, pulse};
     set_pulses(all, outputs());
-    bridge_off();
+    motors_off();
     port_watch(false);
 }
 

@@ -65,10 +65,12 @@ typedef struct {
     uint32_t resets;                     /* by a watchdog, since power-on */
     uint32_t pulse_halfus[BOARD_ROTORS]; /* pulse outputs, two or four; 0: a pin is not driven */
     uint32_t frame_halfus;
-    uint32_t bridge_on; /* 1: the bridge is switched on */
-    int32_t duty_q15;   /* of the bridge, 0 while it is off */
-    uint32_t bus_offs;  /* how often the CAN controller went bus-off */
-    uint32_t turns;     /* of the loop, since power-on */
+    uint32_t bridge_on;                   /* 1: the bridge is switched on */
+    int32_t duty_q15;                     /* of the bridge, 0 while it is off */
+    uint32_t wheels_on;                   /* 1: the motors of both wheels are switched on */
+    int32_t wheel_duty_q15[BOARD_WHEELS]; /* 0 while they are off */
+    uint32_t bus_offs;                    /* how often the CAN controller went bus-off */
+    uint32_t turns;                       /* of the loop, since power-on */
 
     /* Internal state. */
     uint32_t armed;        /* 1: the session is armed */
@@ -110,7 +112,8 @@ void native_set_clock_us(uint32_t us);
 size_t native_uart_send(const uint8_t *bytes, size_t count);
 size_t native_uart_receive(uint8_t *bytes, size_t room);
 
-/* Bytes of the receiver; returns how many the line took. The board hears them in pin set `quadrotor`. */
+/* Bytes of the receiver; returns how many the line took. The board hears them in the
+ * pin sets `quadrotor` and `wheels`. */
 size_t native_receiver_send(const uint8_t *bytes, size_t count);
 
 /* A rising edge of the receiver's pulse train at that time of the board, not before the edges so far; returns

@@ -33,6 +33,14 @@ bool port_rotors(void) {
     return port_drives() && port.identity.pins == BOARD_PINS_QUADROTOR;
 }
 
+bool port_wheels(void) {
+    return port_drives() && port.identity.pins == BOARD_PINS_WHEELS;
+}
+
+bool port_vehicle(void) {
+    return port.identity.pins == BOARD_PINS_QUADROTOR || port.identity.pins == BOARD_PINS_WHEELS;
+}
+
 bool port_stalled(void) {
     return port.stalled;
 }

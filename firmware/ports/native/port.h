@@ -36,10 +36,12 @@ extern jmp_buf port_out_of_the_loop; /* set by machine.c before it runs a part o
 void port_leave_loop(left_t how); /* does not return */
 uint64_t port_now_ns(void);
 uint32_t port_now_ms(void);
-void port_wake(void);   /* wakes the loop */
-bool port_drives(void); /* strap and saved pin set agree: actuators are driven */
-bool port_bridge(void); /* the pin set with the bridge, driven */
-bool port_rotors(void); /* the pin set with four rotors, driven */
+void port_wake(void);    /* wakes the loop */
+bool port_drives(void);  /* strap and saved pin set agree: actuators are driven */
+bool port_bridge(void);  /* the pin set with the bridge, driven */
+bool port_rotors(void);  /* the pin set with four rotors, driven */
+bool port_wheels(void);  /* the pin set with two wheels, driven */
+bool port_vehicle(void); /* a pin set with a receiver and a battery, driven or not */
 bool port_stalled(void);
 void port_watch(bool driving); /* stall watch; driving: the actuators may move */
 void port_clear_stall(void);

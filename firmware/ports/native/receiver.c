@@ -55,7 +55,7 @@ static void advance(void) {
         }
         const uint8_t byte = line[line_out++ % LINE_BYTES];
         byte_ns += native.receiver_byte_ns;
-        if (port.identity.pins != BOARD_PINS_QUADROTOR) {
+        if (!port_vehicle()) {
             continue;
         }
         if (full) {

@@ -26,7 +26,8 @@ static bool analog(void) {
 }
 
 static bool digital(void) {
-    return sensors.use.kind == BOARD_SENSORS_BALANCE || sensors.use.kind == BOARD_SENSORS_SIX_AXES;
+    return sensors.use.kind == BOARD_SENSORS_BALANCE || sensors.use.kind == BOARD_SENSORS_SIX_AXES ||
+           sensors.use.kind == BOARD_SENSORS_RIDE;
 }
 
 static uint8_t cause(uint32_t wished) {
@@ -66,6 +67,7 @@ static bool gives_samples(void) {
         sensors.gave_six_axes = sensors.gave_six_axes || digital_good();
         return digital_good() || (sensors.gave_six_axes && sensors.use.marks_missing);
     case BOARD_SENSORS_BALANCE:
+    case BOARD_SENSORS_RIDE:
         return digital_good();
     default:
         return native.adc_dead == 0u;
@@ -73,11 +75,9 @@ static bool gives_samples(void) {
 }
 
 static void sample(void) {
-    static const uint8_t filled[] = {[BOARD_SENSORS_NONE] = 0u,
-                                     [BOARD_SENSORS_ANALOG_3] = 3u,
-                                     [BOARD_SENSORS_ANALOG_6] = 6u,
-                                     [BOARD_SENSORS_BALANCE] = 4u,
-                                     [BOARD_SENSORS_SIX_AXES] = 6u};
+    static const uint8_t filled[] = {
+        [BOARD_SENSORS_NONE] = 0u,    [BOARD_SENSORS_ANALOG_3] = 3u, [BOARD_SENSORS_ANALOG_6] = 6u,
+        [BOARD_SENSORS_BALANCE] = 4u, [BOARD_SENSORS_SIX_AXES] = 6u, [BOARD_SENSORS_RIDE] = 7u};
     const uint32_t no_force = cause(native.accel) != BOARD_SENSOR_GOOD ? 0x38u : 0u;
     const uint32_t no_sample = cause(native.gyro) != BOARD_SENSOR_GOOD ? 0x3fu : no_force;
     const uint32_t lost = sensors.use.kind == BOARD_SENSORS_SIX_AXES ? no_sample : 0u;
@@ -146,7 +146,7 @@ bool board_battery_read(uint16_t counts[BATTERY_INPUTS]) {
     for (uint32_t i = 0u; i < BATTERY_INPUTS; i++) {
         counts[i] = (uint16_t)native.battery[i];
     }
-    return port.identity.pins == BOARD_PINS_QUADROTOR && native.battery[0] != NATIVE_NEVER;
+    return port_vehicle() && native.battery[0] != NATIVE_NEVER;
 }
 
 void board_read_sensors(int16_t raw[BOARD_RAW_MAX]) {

@@ -15,10 +15,12 @@
 #include "guard.h"
 #include "i2c.h"
 #include "linker.h"
+#include "motors.h"
 #include "pins.h"
 #include "ppm_capture.h"
 #include "pwm.h"
 #include "receiver_uart.h"
+#include "ride.h"
 #include "samples.h"
 #include "spi.h"
 #include "stall.h"
@@ -80,18 +82,25 @@ void board_init(const board_setup_t *setup) {
     if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
         bridge_init(setup->dead_time_ns);
     }
+    if (USED_WHEELS && driven == BOARD_PINS_WHEELS) {
+        motors_init();
+        ride_init();
+    }
     pins_init(identity.pins, agreed); /* last: the outputs become active when the timers are at neutral */
     watchdog_init();
     identity.seed = entropy_at_start();
     check_image();
     uart_init();
     can_init();
-    if (USED_RECEIVER && identity.pins == BOARD_PINS_QUADROTOR) {
+    const bool wheels = USED_WHEELS && identity.pins == BOARD_PINS_WHEELS;
+    if (USED_RECEIVER && (identity.pins == BOARD_PINS_QUADROTOR || wheels)) {
         receiver_uart_init();
+    }
+    if (USED_RECEIVER && identity.pins == BOARD_PINS_QUADROTOR) {
         ppm_capture_init();
     }
-    if (USED_BATTERY && identity.pins == BOARD_PINS_QUADROTOR) {
-        battery_adc_init();
+    if (USED_BATTERY && (identity.pins == BOARD_PINS_QUADROTOR || wheels)) {
+        battery_adc_init(identity.pins);
     }
     if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
         bridge_start();
@@ -117,9 +126,9 @@ uint32_t board_faults(void) {
     board_health_t health;
     board_sensor_health(&health);
     const bool sensor_bad = (health.railed | health.stuck | health.gyro | health.accel) != BOARD_SENSOR_GOOD;
-    return start_faults | guard_faults() | bridge_faults() | (stall_latched() ? BOARD_FAULT_STALLED : 0u) |
-           (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) | (adc_failed() ? BOARD_FAULT_ADC : 0u) |
-           (sensor_bad ? BOARD_FAULT_SENSOR : 0u) | (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0u) |
-           (late > 0u ? BOARD_FAULT_LATE : 0u) | (errors << BOARD_FAULT_UART_COUNT_SHIFT) |
-           (late << BOARD_FAULT_LATE_COUNT_SHIFT);
+    return start_faults | guard_faults() | bridge_faults() | (USED_WHEELS ? motors_faults() : 0u) |
+           (stall_latched() ? BOARD_FAULT_STALLED : 0u) | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
+           (adc_failed() ? BOARD_FAULT_ADC : 0u) | (sensor_bad ? BOARD_FAULT_SENSOR : 0u) |
+           (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0u) | (late > 0u ? BOARD_FAULT_LATE : 0u) |
+           (errors << BOARD_FAULT_UART_COUNT_SHIFT) | (late << BOARD_FAULT_LATE_COUNT_SHIFT);
 }

@@ -10,6 +10,7 @@
 #include "imu.h"
 #include "bridge.h"
 #include "generated/used_parts.h"
+#include "ride.h"
 #include "samples.h"
 #include "spi.h"
 
@@ -215,6 +216,12 @@ static void publish(void) {
             raw[AXIS_LAST + 1u + axis] = no_force ? INT16_MIN : axes[ACCEL][axis];
         }
         gave_six_axes = true;
+    } else if (USED_WHEELS && use.kind == BOARD_SENSORS_RIDE) { /* x to the front, z up */
+        raw[0] = axes[GYRO][1];
+        raw[1] = axes[ACCEL][0];
+        raw[2] = axes[ACCEL][AXIS_LAST];
+        raw[3] = axes[GYRO][AXIS_LAST];
+        ride_read(&raw[4]);
     } else { /* the rate about the wheels' axis, and the accelerations along the other two axes */
         const uint32_t axis = use.imu_axis;
         raw[0] = axes[GYRO][axis];
@@ -344,7 +351,8 @@ void imu_use(const board_sensors_t *wanted) {
     spi_end();
     i2c_abort();
     use = *wanted;
-    const bool used = wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES;
+    const bool used = wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES ||
+                      (USED_WHEELS && wanted->kind == BOARD_SENSORS_RIDE);
     for (uint32_t i = 0u; i < SENSORS; i++) {
         sensors[i] = (sensor_t){.cause = used ? BOARD_SENSOR_STARTING : BOARD_SENSOR_GOOD};
     }

@@ -49,7 +49,8 @@ void pins_init(uint32_t pins, bool actuators) {
     const bool uart =
         pins != BOARD_PINS_UNKNOWN; /* else its pins may drive the gates of a bridge or a speed controller */
     const uint32_t tx = uart ? SIGNAL : FREE, rx = uart ? INPUT : FREE;
-    const uint32_t sticks = USED_RECEIVER && pins == BOARD_PINS_QUADROTOR ? INPUT : FREE;
+    const bool wheels = USED_WHEELS && pins == BOARD_PINS_WHEELS;
+    const uint32_t sticks = USED_RECEIVER && (pins == BOARD_PINS_QUADROTOR || wheels) ? INPUT : FREE;
     const uint32_t gate = USED_BRIDGE && actuators ? SIGNAL : FREE;
     const uint32_t pair =
         USED_PULSES && actuators && pins == BOARD_PINS_STANDARD ? PULSE : FREE; /* two speed controllers */
@@ -68,7 +69,20 @@ void pins_init(uint32_t pins, bool actuators) {
     /* SPI1 MOSI, MISO, SCK, select; ADC1 inputs 3 to 0, or TIM2 channels 4 to 1, the rotors. */
     GPIOA_CRL = MODES(SPI, INPUT, SPI, OUTPUT, inputs_or_rotors, inputs_or_rotors, inputs_or_rotors,
                       inputs_or_rotors);
-    if (bridge) {
+    if (wheels) {
+        const uint32_t direction = actuators ? OUTPUT : FREE, motor = actuators ? SIGNAL : FREE;
+        GPIOA_BSRR = UP(0) | UP(1) | UP(3) | DOWN(8);
+        GPIOB_BSRR = UP(6) | DOWN(0) | DOWN(1) | DOWN(13);
+        /* SPI1 as above; the rider's switch; the battery; TIM2, the left encoder. */
+        GPIOA_CRL = MODES(SPI, INPUT, SPI, OUTPUT, INPUT, ANALOG, INPUT, INPUT);
+        /* SWD; CAN TX, RX; USART1 RX, TX; the left motor forward. */
+        GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, rx, tx, direction);
+        /* TIM4, the right encoder; strap; the right motor backward, forward. */
+        GPIOB_CRL = MODES(INPUT, INPUT, INPUT, INPUT, FREE, FREE, direction, direction);
+        /* TIM1 channels 3N and 2N, the motors; the left one backward; break; USART3 RX, the receiver; I2C1.
+         */
+        GPIOB_CRH = MODES(motor, motor, direction, INPUT, sticks, FREE, DRAIN, DRAIN);
+    } else if (bridge) {
         /* Hall A; SWD; CAN TX, RX; TIM1 high sides C, B, A. */
         GPIOA_CRH = MODES(INPUT, FREE, FREE, SIGNAL, INPUT, gate, gate, gate);
         /* USART1 RX, TX; strap; Hall B; ADC1 inputs 9, 8. */

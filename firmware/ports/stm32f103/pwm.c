@@ -1,5 +1,6 @@
 /* Pulses to speed controllers, counted in half-microseconds (RM0008 15.3.9, 15.4): two by TIM4 (PB6, PB7) in
- * the pin set standard, four by TIM2 (PA0 to PA3) in the pin set quadrotor.
+ * the pin set standard, four by TIM2 (PA0 to PA3) in the pin set quadrotor. In the pin set wheels both timers
+ * count the wheels, and none of their registers is written here.
  *
  * The compare registers and the frame length are preloaded, so that a change takes effect between two pulses.
  * Update disable (UDIS) is set while all compare registers are written: all pulses change in the same frame,
@@ -19,6 +20,7 @@
 #include "clock.h"
 #include "core/esc.h"
 #include "generated/used_parts.h"
+#include "motors.h"
 #include "pins.h"
 #include "stall.h"
 #include "stm32f103.h"
@@ -42,6 +44,11 @@ static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
 /* TIM2 gives the pulses of four rotors: the Hall sensors need no more than its first channel. */
 static bool drives_rotors(void) {
     return USED_ROTORS && PULSE_CCER(TIM2_BASE) == FOUR;
+}
+
+/* TIM4 gives pulses, on pins or not, unless it counts a wheel. */
+static bool drives_pair(void) {
+    return USED_PULSES && !(USED_WHEELS && ENCODER_SMCR(TIM4_BASE) != 0u);
 }
 
 /* Always leaves UDIS clear, even when it interrupted another write_pulses(). */
@@ -85,7 +92,7 @@ static void rest(uint32_t timer, uint32_t count, uint32_t pulse) {
 }
 
 static void rest_all(uint32_t pulse) {
-    if (USED_PULSES) {
+    if (drives_pair()) {
         rest(TIM4_BASE, BOARD_ACTUATORS, pulse);
     }
     if (drives_rotors()) {
@@ -108,14 +115,15 @@ static void begin(uint32_t timer) {
 
 void pwm_init(uint32_t pins) {
     RCC_APB1ENR |= (USED_PULSES ? RCC_APB1ENR_TIM4EN : 0u) | (USED_ROTORS ? RCC_APB1ENR_TIM2EN : 0u);
-    if (USED_PULSES) { /* else the pin of channel 1 may belong to the UART */
+    const bool pair = USED_PULSES && !(USED_WHEELS && pins == BOARD_PINS_WHEELS);
+    if (pair) { /* else the pin of channel 1 may belong to the UART */
         set_up(TIM4_BASE, pins == BOARD_PINS_STANDARD ? PAIR : 0u);
     }
     if (USED_ROTORS && pins == BOARD_PINS_QUADROTOR) {
         set_up(TIM2_BASE, FOUR);
     }
     board_configure_actuator(START_FRAME_HALFUS, CONSTANT_NEUTRAL_HALFUS);
-    if (USED_PULSES) {
+    if (pair) {
         begin(TIM4_BASE);
     }
     if (drives_rotors()) {
@@ -127,7 +135,7 @@ void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_hal
     neutral_halfus = wanted_neutral_halfus;
     board_actuator_neutral(); /* first, because the pulses in use might not fit into a shorter frame */
     const uint32_t last = bounded(frame_halfus, ESC_FRAME_MIN_HALFUS, ESC_FRAME_MAX_HALFUS) - 1u;
-    if (USED_PULSES) {
+    if (drives_pair()) {
         PULSE_ARR(TIM4_BASE) = last;
     }
     if (drives_rotors()) {
@@ -151,7 +159,7 @@ static void set_pulses(uint32_t timer, const uint32_t pulse_halfus[], uint32_t c
 }
 
 void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]) {
-    if (USED_PULSES) {
+    if (drives_pair()) {
         set_pulses(TIM4_BASE, pulse_halfus, BOARD_ACTUATORS);
     }
 }
@@ -165,6 +173,9 @@ void board_set_rotors(const uint32_t pulse_halfus[BOARD_ROTORS]) {
 void board_arm_actuator(void) {
     stall_watch(true);
     bridge_arm();
+    if (USED_WHEELS) {
+        motors_arm();
+    }
 }
 
 void board_actuator_neutral(void) {
@@ -177,11 +188,17 @@ void board_actuator_neutral(void) {
     rest_all(good ? kept : CONSTANT_NEUTRAL_HALFUS);
     __asm volatile("msr primask, %0" ::"r"(masked) : "memory");
     bridge_off();
+    if (USED_WHEELS) {
+        motors_off();
+    }
     stall_watch(false);
 }
 
 void board_clear_actuator_faults(void) {
     bridge_clear_faults();
+    if (USED_WHEELS) {
+        motors_clear_faults();
+    }
     stall_clear();
 }
 
@@ -191,8 +208,11 @@ void board_clear_actuator_faults(void) {
 void pwm_crash(void) {
     if (drives_rotors()) {
         pins_rotors_low();
-    } else if (USED_PULSES) {
+    } else if (drives_pair()) {
         rest(TIM4_BASE, BOARD_ACTUATORS, CONSTANT_NEUTRAL_HALFUS);
     }
     bridge_off();
+    if (USED_WHEELS) {
+        motors_off();
+    }
 }

@@ -1,5 +1,5 @@
 /* Pulses to speed controllers, on TIM4 or TIM2. pwm.c implements the board_..._actuator...() functions of
- * app/board_actuators.h, which also switch the bridge. */
+ * app/board_actuators.h, which also switch the bridge and the motors of two wheels. */
 #ifndef PLUMB_STM32F103_PWM_H
 #define PLUMB_STM32F103_PWM_H
 

@@ -76,6 +76,7 @@ void sampling_timer_handler(void) {
         break;
     case BOARD_SENSORS_BALANCE:
     case BOARD_SENSORS_SIX_AXES:
+    case BOARD_SENSORS_RIDE:
         imu_period(running_us);
         break;
     default:

@@ -252,9 +252,11 @@
 #define ADC2_CR2_ADON          (1u << 0)
 #define ADC2_CR2_CAL           (1u << 2)
 #define ADC2_SMPR2             REG32(ADC2_BASE, 0x10u)
+#define ADC2_SMPR2_SMP2_71CYC5 (6u << 6)
 #define ADC2_SMPR2_SMP8_71CYC5 (6u << 24)
 #define ADC2_SMPR2_SMP9_71CYC5 (6u << 27)
 #define ADC2_SQR3              REG32(ADC2_BASE, 0x34u)
+#define ADC2_SQR3_SQ1_IN2      (2u << 0)
 #define ADC2_SQR3_SQ1_IN8      (8u << 0)
 #define ADC2_DR                REG32(ADC2_BASE, 0x4cu)
 
@@ -284,6 +286,8 @@
 #define TIM1_CCER               REG32(TIM1_BASE, 0x20u)
 #define TIM1_CCER_CC1E          (1u << 0)
 #define TIM1_CCER_CC1NE         (1u << 2)
+#define TIM1_CCER_CC2NE         (1u << 6)
+#define TIM1_CCER_CC3NE         (1u << 10)
 #define TIM1_PSC                REG32(TIM1_BASE, 0x28u)
 #define TIM1_ARR                REG32(TIM1_BASE, 0x2cu)
 #define TIM1_CCR1               REG32(TIM1_BASE, 0x34u)
@@ -352,6 +356,12 @@
 #define PULSE_PSC(base)         REG32(base, 0x28u)
 #define PULSE_ARR(base)         REG32(base, 0x2cu)
 #define PULSE_CCR(base, number) REG32(base, 0x34u + 4u * (number))
+
+/* The same as encoders of two inputs: what their other registers mean. */
+#define ENCODER_SMCR(base)            REG32(base, 0x08u)
+#define ENCODER_SMCR_SMS_BOTH         (3u << 0)              /* the edges of both inputs count */
+#define ENCODER_CCMR1_INPUTS          (1u << 0 | 1u << 8)    /* channels 1 and 2: TI1 and TI2 */
+#define ENCODER_CCMR1_FILTERS_SLOWEST (15u << 4 | 15u << 12) /* 8 equal samples, each 32 clocks */
 
 /* bxCAN, RM0008 section 24.9. A mailbox is four registers: identifier, length, bytes 0 to 3, bytes 4 to 7;
  * mailboxes follow each other every 16 bytes, filter banks of two registers every 8. */

@@ -21,7 +21,7 @@ static void wait(uint32_t polls) {
 
 uint32_t strap_read(void) {
     static const uint8_t sets[] = {BOARD_PINS_STANDARD, BOARD_PINS_QUADROTOR, BOARD_PINS_BRIDGE,
-                                   BOARD_PINS_UNKNOWN};
+                                   BOARD_PINS_WHEELS};
 
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD; /* pins_init() writes it whole */
     GPIOB_BSRR = 1u << 4 | 1u << 5;

@@ -58,7 +58,7 @@ class Wires(ctypes.Structure):
 
     _fields_ = [
         ("identity", Identity),
-        ("raw", ctypes.c_int32 * 6),
+        ("raw", ctypes.c_int32 * 9),
         *((name, ctypes.c_uint32) for name in (
             "arm_switch", "strap", "bridge_break", "hall_lost", "uart_in_byte_ns", "uart_out_byte_ns",
             "receiver_byte_ns", "battery_voltage", "battery_current",
@@ -71,6 +71,8 @@ class Wires(ctypes.Structure):
         ("frame_halfus", ctypes.c_uint32),
         ("bridge_on", ctypes.c_uint32),
         ("duty_q15", ctypes.c_int32),
+        ("wheels_on", ctypes.c_uint32),
+        ("wheel_duty_q15", ctypes.c_int32 * 2),
         *((name, ctypes.c_uint32) for name in ("bus_offs", "turns", "armed", "steps", "receive_room")),
     ]  # fmt: skip
 
@@ -152,6 +154,10 @@ class NativeMcu:
     def now_us(self) -> int:
         """Simulated microseconds since the object was created."""
         return int(self._library.native_now_us())
+
+    def sense(self, counts: Sequence[int]) -> None:
+        """Counts that the sensors give from now on; those that are not given keep their values."""
+        self.wires.raw[: len(counts)] = counts
 
     def run_us(self, time_us: int) -> None:
         """Advance the time; the loop sleeps and wakes as on the chip."""

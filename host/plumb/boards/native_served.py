@@ -83,6 +83,7 @@ class ServedNative:
         self.mcu, self.uart, self.plant = mcu, mcu.uart, plant
         declared = declarations.system(system) if system else None
         self._output = declared.output if declared else ""
+        self._counts = declared.counts if declared else 0
         self._names = [word.name for word in declared.output_words] if declared else []
         self.radio: Callable[[float], bytes] | None = None
         self._begin_us = self._follow_us = mcu.now_us
@@ -119,12 +120,17 @@ class ServedNative:
         if self.radio is not None and (heard := self.radio(time_s)):
             self.mcu.receiver_send(heard)
         plant.follow(time_s, dict(zip(self._names, self._outputs(), strict=True)))
-        raw = self.mcu.wires.raw
-        raw[:] = plant.counts(time_s)[: len(raw)]  # commands, which follow the counts, come over the link
+        self.mcu.sense(plant.counts(time_s)[: self._counts])  # commands, which follow the counts, come over the link
 
     def _outputs(self) -> list[int]:
         wires = self.mcu.wires
-        return [wires.duty_q15] if self._output == "BRIDGE" else list(wires.pulse_halfus)[: len(self._names)]
+        match self._output:
+            case "BRIDGE":
+                return [wires.duty_q15]
+            case "WHEELS":
+                return list(wires.wheel_duty_q15)
+            case _:
+                return list(wires.pulse_halfus)[: len(self._names)]
 
 
 class NativeJoint:

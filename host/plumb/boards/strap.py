@@ -3,7 +3,7 @@
 standard    both open: the chip's own pull-ups lift them
 bridge      PB5 at ground
 quadrotor   PB4 at ground
-both        both at ground: a wiring mistake
+wheels      both at ground
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 PINS = ("PB4", "PB5")
-GROUNDED: dict[str, tuple[str, ...]] = {"standard": (), "bridge": ("PB5",), "quadrotor": ("PB4",), "both": PINS}
+GROUNDED: dict[str, tuple[str, ...]] = {"standard": (), "bridge": ("PB5",), "quadrotor": ("PB4",), "wheels": PINS}
 BY_PIN_SET = tuple(GROUNDED)
 """Strap settings in the order of the pin sets that they choose (IDENTITY.PINS, parameter pins)."""
 RISE_US = 100.0

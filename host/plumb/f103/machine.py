@@ -474,6 +474,21 @@ class Machine:
             self.port(pin).outside[int(pin[2:])] = bool(state >> bit & 1)
         self.pins_changed()
 
+    def duty(self, pin: str) -> float | None:
+        """Share of the time that a low side's pin of TIM1 is high when the timer drives it alone; None while it does
+        not."""
+        return self.tim1.alone(pin, self.now) if self.powered else None
+
+    def turn_encoder(self, timer: str, counts: int) -> None:
+        """Turn the encoder on a timer's first two inputs by so many edges, forward where positive."""
+        encoder = {"TIM2": self.tim2, "TIM4": self.tim4}[timer]
+        encoder.encoded(counts)
+        pins = [pin for pin, (name, index) in PWM_PINS.items() if name == timer and index < 2]
+        phase = encoder.turned = (encoder.turned + counts) % 4
+        for pin, level in zip(pins, (phase in (1, 2), phase in (2, 3)), strict=True):
+            self.port(pin).outside[int(pin[2:])] = level
+        self.pins_changed()
+
     # Reports
 
     def warn(self, text: str) -> None:

@@ -21,9 +21,10 @@ PINS = {
     0: "standard",
     1: "bridge",
     2: "quadrotor",
-    3: "none: PB4 and PB5 are both at ground, or not steady; no actuator pin is driven",
+    3: "wheels",
+    4: "none: PB4 or PB5 is not steady; no actuator pin is driven",
 }
-"""Pin set that the strap chose at the start: item PINS. The parameter pins has the first three."""
+"""Pin set that the strap chose at the start: item PINS. The parameter pins has all but the last."""
 SOURCES = {
     0: "factory defaults",
     1: "saved in flash",

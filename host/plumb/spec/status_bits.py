@@ -31,7 +31,7 @@ BLOCKED = {
     12: Bit("not_ready", "it is not ready to be armed"),
     13: Bit("other_link", "another link began the run, and alone may arm"),
     14: Bit("parameter", "with its parameters an armed board would break a promise: plumb doctor names the parameter"),
-    15: Bit("rotors_stopped", "the step has stopped the rotors: switch them off before they may turn again"),
+    15: Bit("motors_stopped", "the step has stopped the motors: what stopped them has to go first"),
 }
 """Why arming is refused (STATUS.blocked), and what ended the last armed time (EVENTS.disarm_cause)."""
 FAULTS = {
@@ -39,9 +39,7 @@ FAULTS = {
     1: Bit("steps_missed", "control steps were missed, or none comes"),
     2: Bit("processor", "a processor fault ended the run before"),
     3: Bit("flash", "the flash does not hold what was built"),
-    4: Bit(
-        "bridge_break", "the break input switched the bridge off: look at the gate driver, and whether PB12 is wired"
-    ),
+    4: Bit("bridge_break", "the break input switched the motors off: look at the driver, and whether PB12 is wired"),
     5: Bit("hall", "all three Hall sensors say the same: a wire is off"),
     6: Bit("sensor", "a sensor is lost or not to be trusted"),
     7: Bit("saved_parameters", "the saved parameters cannot be used: load, reset or set them, then save"),
@@ -76,8 +74,10 @@ IMPLAUSIBLE = {
     10: Bit("idle", "the step stopped the rotors: it stood on the ground with the throttle low"),
     11: Bit("receiver", "the step stopped the rotors: the receiver was lost"),
     12: Bit("vertical", "the step stopped the rotors: on the ground it did not know the vertical yet"),
+    13: Bit("fallen", "the step stopped the motors: it fell; set it up, and begin a new run"),
+    14: Bit("rider", "the step stopped the motors: nobody rides; close the rider's switch"),
 }
-"""PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h; from bit 8 on the word stop_reason of what flies."""
+"""PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h; from bit 8 on the word stop_reason of a vehicle."""
 NOT_READY = {
     0: Bit("settling", "it has not been ready for 0.3 s yet"),
     1: Bit("at_rest", "it moves: hold it still"),
@@ -85,10 +85,10 @@ NOT_READY = {
     3: Bit("setpoint", "the setpoint is not 0"),
     4: Bit("tilt", "it is tilted too far: bring it level or upright"),
     5: Bit("receiver_heard", "the pilot's receiver is lost, or was never heard"),
-    6: Bit("rotors_off", "the pilot's switch is on: switch the rotors off first"),
+    6: Bit("rotors_off", "the pilot's switch is on: switch the motors off first"),
     7: Bit("lock_open", "the arm switch on the board is closed: it locks out the pilot"),
     8: Bit("battery_full", "the battery is low: charge it, or set battery_min_mv lower"),
-    9: Bit("battery_known", "the battery's voltage is not known: check its plug, and the divider at PB0"),
+    9: Bit("battery_known", "the battery's voltage is not known: check its plug, and its divider"),
     10: Bit("calibrated", "the sensors were never calibrated: run plumb calibrate"),
 }
 """PLAUSIBILITY.missing."""

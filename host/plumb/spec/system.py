@@ -46,12 +46,12 @@ FRAMES_MAX = 12
 """Most frames of one system: each needs an entry in the frame counters of a link."""
 TYPES = {"int32": "<i4", "uint32": "<u4", "int64": "<i8"}
 """Type of a declared word -> numpy type."""
-SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE", "SIX_AXES")
+SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE", "SIX_AXES", "RIDE")
 """Sensor sets that a board can sample (CONTROL_SENSORS_ in firmware/systems/control.h)."""
 OUTPUTS = {"PULSES": 2, "BRIDGE": 1, "ROTORS": 4, "WHEELS": 2}
 """Kind of actuator (CONTROL_OUTPUT_) -> number of record words that drive it."""
-ON_NO_PINS = ("WHEELS",)
-"""Kinds that no pin set of the board drives: a system with one is never armed."""
+WITH_BATTERY = ("ROTORS", "WHEELS")
+"""Kinds whose pin set reads the battery."""
 
 
 @dataclass(frozen=True)
@@ -226,11 +226,6 @@ class System:
         return self.output in OUTPUTS
 
     @property
-    def is_armed(self) -> bool:
-        """True for a system with an actuator that a pin set of the board drives."""
-        return self.is_driven and self.output not in ON_NO_PINS
-
-    @property
     def checked_by(self) -> str:
         """What decides whether a system that moves something may be armed (include/plumb/): plausibility, or takeoff
         for one that flies."""
@@ -296,7 +291,7 @@ class System:
     @property
     def parts(self) -> tuple[str, ...]:
         """The parts of a board that have parameters of their own (`part` in parameters.toml), and that it uses."""
-        return (RECEIVER,) * (self.command_source == RECEIVER) + (BATTERY,) * (self.output == "ROTORS")
+        return (RECEIVER,) * (self.command_source == RECEIVER) + (BATTERY,) * (self.output in WITH_BATTERY)
 
     @property
     def record_bytes(self) -> int:

@@ -1,5 +1,6 @@
 """General-purpose timers TIM3 and TIM4 (RM0008 chapter 15): up-counting, update event to interrupt or TRGO, and PWM
-with preload. The count is computed when it is read. Not modelled: capture, compare flags, slave modes, DMA."""
+with preload. The count is computed when it is read. As an encoder the counter follows two inputs, whose edges are taken
+to last as long as their filter asks. Not modelled: capture, compare flags, other slave modes, DMA."""
 
 from __future__ import annotations
 
@@ -16,6 +17,8 @@ UIE, UIF, UG = 1, 1, 1
 TRGO_ENABLE, TRGO_UPDATE = 1, 2
 FORCED_LOW, FORCED_HIGH, PWM1, PWM2 = 4, 5, 6, 7
 CC1E, CC1I, CC1OF = 1, 2, 1 << 9
+SMS_BOTH, ENCODER_INPUTS, FILTER_BITS = 3, 0x0101, 0xF0F0
+"""SMCR.SMS: the edges of both inputs count; CCMR1: channel 1 is TI1, channel 2 is TI2; and its filters."""
 FILTERS = (
     (1, 1),
     (1, 2),
@@ -63,6 +66,7 @@ class Timer(Peripheral):
     )
     cr1: int
     cr2: int
+    smcr: int
     dier: int
     sr: int
     ccmr1: int
@@ -79,6 +83,8 @@ class Timer(Peripheral):
     def __init__(self, machine: Mcu, name: str, base: int, interrupt: int) -> None:
         super().__init__(machine, name, base)
         self.interrupt = interrupt
+        self.turned = 0
+        """Position of the encoder on its inputs, in a quarter of a period; a reset does not move it."""
         self.reset()
 
     def reset(self) -> None:
@@ -108,7 +114,7 @@ class Timer(Peripheral):
     def settle(self, now: int) -> None:
         """Handle the update events up to now."""
         probe = self.machine.probe
-        while self.cr1 & CEN and self.active_arr and now >= self.zero_at + self.period_ticks:
+        while self.cr1 & CEN and not self.smcr & 7 and self.active_arr and now >= self.zero_at + self.period_ticks:
             if probe is not None:
                 probe.timer(self, self.zero_at + self.period_ticks)
             self.zero_at += self.period_ticks
@@ -125,7 +131,14 @@ class Timer(Peripheral):
             probe.timer(self, now)
 
     def count(self, now: int) -> int:
-        return ((now - self.zero_at) // self.step_ticks) & 0xFFFF if self.cr1 & CEN else self.cnt
+        runs = self.cr1 & CEN and not self.smcr & 7
+        return ((now - self.zero_at) // self.step_ticks) & 0xFFFF if runs else self.cnt
+
+    def encoded(self, counts: int) -> None:
+        """So many edges of both inputs, positive where TI1 leads: table 85 (15.3.12) with both polarities plain."""
+        listens = self.clocked and self.cr1 & CEN and self.smcr & 7 == SMS_BOTH
+        if listens and self.ccmr1 & 0x0303 == ENCODER_INPUTS:
+            self.cnt = (self.cnt + counts) % (self.active_arr + 1)
 
     def _plan(self) -> None:
         self.machine.nvic.set_line(self.interrupt, bool(self.sr & UIF and self.dier & UIE))
@@ -174,8 +187,11 @@ class Timer(Peripheral):
         self._plan()
 
     def write_smcr(self, value: int) -> None:
-        if value:
-            raise SimulationError(f"{self.name}_SMCR = 0x{value:04X}: slave modes are not modelled")
+        if value not in (0, SMS_BOTH):
+            raise SimulationError(f"{self.name}_SMCR = 0x{value:04X}: of the slave modes encoders alone are modelled")
+        if value != self.smcr and self.cr1 & CEN:
+            raise SimulationError(f"{self.name}_SMCR is written while counting: not modelled")
+        self.smcr = value
 
     def write_dier(self, value: int) -> None:
         if value & ~UIE:

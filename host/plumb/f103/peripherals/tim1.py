@@ -379,6 +379,15 @@ class Tim1(Timer):
             duty.append(min(float(share), 1.0) if driven else None)
         return Bridge((duty[0], duty[1], duty[2]), bool(self.bdtr & MOE))
 
+    def alone(self, pin: str, now: int) -> float | None:
+        """Share of the time that a low side is high whose high side is disabled: its output is OCxREF (table 83)."""
+        self.settle(now)
+        phase = LOW_PINS.index(pin)
+        driven = self.active_ccer >> (4 * phase) & 5 == 4 and self.bdtr & MOE and self.cr1 & CEN
+        if not driven or self._mode(phase) != PWM1 or not self.active_arr or not self._wired(pin):
+            return None
+        return min(self.active_ccr[phase] / self.active_arr, 1.0)
+
     def gate(self, pin: str, now: int) -> bool | None:
         """Level of a gate's pin by the timer; None while the pin is not its output or the timer does not drive it."""
         self.settle(now)

@@ -1,13 +1,13 @@
 """TIM2 for Hall sensors (RM0008 15.3.5, 15.3.12): the exclusive or of three inputs is filtered, and its edges are
-captured on channel 1; or as the pulse output that every general-purpose timer is. Not modelled: other captures, slave
-modes."""
+captured on channel 1; or as the pulse output or the encoder that every general-purpose timer is. Not modelled: other
+captures and slave modes."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from plumb.f103.core.bus import SimulationError
-from plumb.f103.peripherals.tim import CC1E, CC1I, CC1OF, CEN, FILTERS, UIE, UIF, Timer
+from plumb.f103.peripherals.tim import CC1E, CC1I, CC1OF, CEN, ENCODER_INPUTS, FILTER_BITS, FILTERS, UIE, UIF, Timer
 
 if TYPE_CHECKING:
     from plumb.f103.core.mcu import Mcu
@@ -75,7 +75,7 @@ class Tim2(Timer):
 
     def write_smcr(self, value: int) -> None:
         if value & ~TS_TI1F_ED:
-            raise SimulationError(f"TIM2_SMCR = 0x{value:04X}: slave modes are not modelled")
+            super().write_smcr(value)
         self.smcr = value
 
     def write_dier(self, value: int) -> None:
@@ -87,6 +87,7 @@ class Tim2(Timer):
 
     def write_ccmr1(self, value: int) -> None:
         captures = value & 0x0303
-        if captures and value & ~0xF0 != CC1S_TRC:
+        encodes = value & ~FILTER_BITS == ENCODER_INPUTS
+        if captures and not encodes and value & ~0xF0 != CC1S_TRC:
             raise SimulationError(f"TIM2_CCMR1 = 0x{value:04X}: only the capture of channel 1 from TRC is modelled")
         self.ccmr1 = value

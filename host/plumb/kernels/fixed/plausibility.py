@@ -24,7 +24,8 @@ def _time_q33(ms: int) -> int:
 
 
 class Bounds(NamedTuple):
-    """Plausibility bounds of a system. setpoint, accel: names of words of its record; *_g2_q20: squared acceleration,
+    """Plausibility bounds of a system. setpoint, accel: names of words of its record;
+    setpoint_max: the most of the setpoint at rest; *_g2_q20: squared acceleration,
     g^2 Q20; rest_turnps_q28, uneven_turn_q32, ready_turn_q32: bounds of the mean rate at rest, of the mean difference
     between both sensors' turns in a step, and of the tilt at which the system may be armed."""
 
@@ -35,6 +36,7 @@ class Bounds(NamedTuple):
     rest_turnps_q28: int
     uneven_turn_q32: int
     ready_turn_q32: int
+    setpoint_max: int = 0
 
 
 @dataclass(slots=True)
@@ -123,7 +125,7 @@ def _missing(s: State, b: Bounds, word: Mapping[str, int], dt: int) -> None:
     still = still and b.rest_g2_q20[0] <= abs(s.accel_mean_g2_q20) <= b.rest_g2_q20[1]
     settled = bool(s.converged) and s.converged_s_q33 >= _time_q33(300)
     bits = (0 if still else MOVING) | (0 if settled else CONVERGING)
-    bits |= (0 if word[b.setpoint] == 0 else SETPOINT) | (
+    bits |= (0 if abs(word[b.setpoint]) <= b.setpoint_max else SETPOINT) | (
         0 if abs(word["tilt_turn_q32"]) <= b.ready_turn_q32 else TILTED
     )
     s.ready_s_q33 = _holds(s.ready_s_q33, bits == 0, dt, _time_q33(300))

@@ -16,6 +16,7 @@ from plumb.spec import declarations
 from plumb.systems.balancer import fixed as balancer
 
 STOPPED, RIDDEN, STOPPING = range(3)
+STOP_FALLEN, STOP_RIDER = 32, 64
 GYRO, ACCEL_X, ACCEL_Z, GYRO_UP, LEFT, RIGHT, RIDER = range(7)
 ROLL, PITCH, YAW, _SWITCHES, RECEIVER = range(9, 14)
 FULL_Q15, STEPS_MOST = 32767, 65535
@@ -141,7 +142,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.tilt, duty = record[BALANCER_TILT], record[BALANCER_DUTY]
 
     flags = record[-2] | turn_flags
-    drives = (stopped == 0) & ((flags & FALLEN) == 0)
+    stop_reason = select(stopped, STOP_RIDER, 0) | select((flags & FALLEN) != 0, STOP_FALLEN, 0)
+    drives = stop_reason == 0
     shared = Conditions((1 << 31) - 1, p["wheels.integral_max_q30"], drives, slips == 0)
     rate_loop_step(c.turn, p, "turn", shared, asked_turn, rate)
     room = p["drive.duty_max_q15"] - abs(duty)
@@ -155,7 +157,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     flags = flags | select(slips, SLIPS, 0) | select(lost, LOST, 0)
     return (
         *raw, setpoint, c.phase, *record[VALUES], asked, asked_turn, gyro, rolled, c.bias, rate, *c.turn.words(),
-        c.sum, c.slip, c.phase_steps, c.absent, c.number, c.age, *duties, flags, c.step,
+        c.sum, c.slip, c.phase_steps, c.absent, c.number, c.age, stop_reason,
+        select(drives, turn, 0 * turn), *duties, flags, c.step,
     )  # fmt: skip
 
 
@@ -173,11 +176,12 @@ def control_valid(p: Params) -> bool:
 
 
 PLAUSIBLE = plausibility.Bounds(
-    setpoint="setpoint_speed_q15",
+    setpoint="asked_mps_q26",
     accel=("accel_x_g_q26", "accel_z_g_q26"),
     accel_g2_q20=(round(0.4**2 * 2**20), round(1.8**2 * 2**20)),
     rest_g2_q20=(round(0.9**2 * 2**20), round(1.1**2 * 2**20)),
     rest_turnps_q28=round(10.0 / 360.0 * 2**28),
     uneven_turn_q32=round(30.0 / 360.0 * 2**32),
     ready_turn_q32=round(10.0 / 360.0 * 2**32),
+    setpoint_max=round(0.05 * 2**26),
 )

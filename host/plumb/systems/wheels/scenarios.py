@@ -30,6 +30,8 @@ from plumb.systems.wheels.tuning import Turning, WheelsTuning
 from plumb.systems.wheels.vehicle import COUNT_M, GRID_S, TRACK_M
 
 PERIOD_US = 5_000
+LINK = {"pins": 3, "accel_bus": 2}
+"""Drivers and encoders of two wheels; an MPU-6050."""
 PERIODS_US = (2_000, 10_000)
 SCENARIOS = {name: ride.title for name, ride in rides.RIDES.items()}
 SECONDS = {name: ride.seconds for name, ride in rides.RIDES.items()}

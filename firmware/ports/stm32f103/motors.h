@@ -1,0 +1,24 @@
+/* The motors of two wheels: TIM1's outputs CH2N (PB14, left) and CH3N (PB15, right) as PWM, two direction
+ * inputs of a driver each (PA8, PB13 and PB0, PB1). With another pin set than BOARD_PINS_WHEELS,
+ * motors_init() is not called and the other functions do nothing. */
+#ifndef PLUMB_STM32F103_MOTORS_H
+#define PLUMB_STM32F103_MOTORS_H
+
+#include <stdint.h>
+
+/* Set up the timer with both motors off. Call before the pins become outputs. */
+void motors_init(void);
+
+/* Switch the motors on, at duty 0. */
+void motors_arm(void);
+
+/* PWM and directions low, at any time. Reads no memory, so the fault handler may call it. */
+void motors_off(void);
+
+/* BOARD_FAULT_BRIDGE: the break input has switched them off. */
+uint32_t motors_faults(void);
+
+/* Clear that fault when its cause is gone. */
+void motors_clear_faults(void);
+
+#endif
