@@ -60,6 +60,7 @@ void readiness_step(readiness_t *r, const control_system_t *checked, const param
         r->disarmed_by = failed(r, checked); /* by the next poll */
     }
 }
+
 static uint16_t missing(const readiness_t *r, const control_system_t *checked) {
     if (flies(checked)) {
         return (uint16_t)(r->now.takeoff.missing | r->outside);

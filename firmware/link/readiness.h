@@ -22,8 +22,7 @@
 
 /* Why the step of a vehicle has stopped its motors begins at this bit of failed and disarmed_by. */
 #define READINESS_STOPPED_SHIFT 8U
-#define READINESS_FALLEN        0x2000U /* one of these reasons: it fell, which the step keeps until the run ends \
-                                         */
+#define READINESS_FALLEN        0x2000U /* one of these reasons: it fell, until the run ends */
 
 typedef struct {
     union {

@@ -47,7 +47,7 @@ def test_the_switch_arms_and_disarms_without_a_host(field: Field) -> None:
 def test_a_switch_that_is_on_from_the_start_has_to_be_switched_off_first() -> None:
     field = Field(ON)
     field.passes(5.0)
-    assert not field.board.armed and field.missing == "the pilot's switch is on: switch the rotors off first"
+    assert not field.board.armed and field.missing == "the pilot's switch is on: switch the motors off first"
     field.pilot(OFF, 0.5)
     assert not field.missing
     field.pilot(ON, 0.2)
@@ -113,7 +113,7 @@ def test_a_receiver_that_comes_back_switched_on_does_not_arm(field: Field) -> No
     field.passes(4.0)
     field.pilot(b"", 0.2)
     field.pilot(ON, 1.0)
-    assert not field.board.armed and "switch the rotors off first" in field.missing
+    assert not field.board.armed and "switch the motors off first" in field.missing
     field.pilot(OFF, 0.2)
     field.pilot(ON, 0.2)
     assert field.board.armed

@@ -91,7 +91,7 @@ def test_a_pilots_switch_that_is_on_arms_nothing_when_the_receiver_is_set() -> N
     field.passes(3.0)
     set_receiver(field, 1)
     field.passes(5.0)
-    assert not field.board.armed and "switch the rotors off first" in field.missing
+    assert not field.board.armed and "switch the motors off first" in field.missing
 
 
 def test_a_host_that_asks_to_arm_what_a_pilot_flies_is_refused_and_changes_nothing() -> None:

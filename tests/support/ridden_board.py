@@ -1,5 +1,5 @@
-"""A vehicle on two wheels with its board on the native port, in simulated time: the plant on the board's own sensors and
-motors, the frames of a rider's receiver, and a host that listens."""
+"""A vehicle on two wheels with its board on the native port, in simulated time: the plant on the board's own sensors
+and motors, the frames of a rider's receiver, and a host that listens."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ PINS_WHEELS = 3
 STEP_S, FRAME_S, HOLD_S = 0.001, 0.01, 0.1
 OFF, ON = crsf.sticks(), crsf.sticks(on=True)
 COUNTS, SAID = 9, 20
-"""Counts of a sample; times that the host listens after a while."""
+"""Counts of a sample; times that the host listens before it is asked, while the vehicle stands still."""
 
 
 class Ridden:
     """A vehicle that a hand holds upright for its first 3 s. sends: the frame of the receiver; empty: silence. words:
     parameters of the link's part."""
 
-    def __init__(self, name: str = "steps-off", **words: int) -> None:
+    def __init__(self, name: str = "steps-off", words: dict[str, int] | None = None) -> None:
         scenario = scenarios.scenario(name, 1000)
         self.plant = WheelsPlant(replace(scenario, asked_mps=0.0 * scenario.asked_mps))
         self.board, self.sends, self._turn = NativeBoard(), OFF, 0
@@ -34,7 +34,7 @@ class Ridden:
         self._sense()
         with Session.open(self.board) as session:
             link = {**PARAMS.link_words(), **scenarios.LINK, "period_us": 5000, "arm_hold_ms": round(1000 * HOLD_S)}
-            session.upload(PARAMS.words(), **{**link, "receiver": 1, "calibrated": 1, **words})
+            session.upload(PARAMS.words(), **{**link, "receiver": 1, "calibrated": 1, **(words or {})})
             session.execute("SAVE")
         self.board.mcu.power_off()
         self.board.mcu.power_on()
@@ -58,8 +58,6 @@ class Ridden:
             self.plant.drive_to(self.time_s, (left if on else None, right if on else None))
             self._sense()
             self.board.run_us(round(STEP_S * 1e6))
-        for _ in range(SAID):
-            self.session.receive(STEP_S)
 
     def arms(self) -> None:
         """Held upright by a hand, then the switch."""
@@ -72,11 +70,17 @@ class Ridden:
     def driven(self) -> bool:
         return bool(self.wires.wheels_on)
 
+    def _listen(self) -> None:
+        for _ in range(SAID):
+            self.session.receive(STEP_S)
+
     @property
     def missing(self) -> str:
+        self._listen()
         bits = self.session.telemetry["PLAUSIBILITY"]["missing"]
         return "; ".join(text for bit, text in NOT_READY.items() if bits >> bit & 1)
 
     @property
     def why_disarmed(self) -> str:
+        self._listen()
         return disarmed_text(self.session.telemetry["EVENTS"]["disarm_cause"], self.session.telemetry["PLAUSIBILITY"])

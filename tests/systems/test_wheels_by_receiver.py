@@ -85,7 +85,7 @@ def test_what_disarms_a_vehicle_that_is_ridden(fault: str) -> None:
     ],
 )
 def test_what_keeps_a_rider_from_arming_is_named(words: dict[str, int], why: str) -> None:
-    ride = Ridden(**words)
+    ride = Ridden(words=words)
     ride.wires.battery_voltage = 1000
     ride.passes(2.2)
     ride.sends = ON
