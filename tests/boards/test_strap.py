@@ -1,7 +1,12 @@
-"""The strap alone decides where UART and timers go; with a saved pin set that disagrees, no actuator pin is driven."""
+"""The strap alone decides where UART and timers go; with a saved pin set that disagrees, no actuator pin is driven.
+
+The image is that of `vehicles`, which has the actuators of all four pin sets."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -15,16 +20,22 @@ from plumb.boards.virtual_can import MachineBus
 from plumb.errors import LinkError
 from plumb.f103.machine import Machine
 from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec import parameters
 from support.pins import at_rest
 
-IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.bin"
-pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")
+ROOT = Path(__file__).parents[2]
+ALL = ROOT / "build/stm32f103/firmware.bin"
+pytestmark = pytest.mark.skipif(not ALL.exists(), reason="the flash image is not built: run make image")
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 BOOT_US = 60_000
 ESC_PINS, GATE_PINS, ROTOR_PINS = ("PB6", "PB7"), HIGH_PINS + LOW_PINS, ("PA0", "PA1", "PA2", "PA3")
-ACTUATORS = {"standard": ESC_PINS, "bridge": GATE_PINS, "quadrotor": ROTOR_PINS}
+WHEEL_PINS = ("PB14", "PB15", "PA8", "PB13", "PB0", "PB1")
+ACTUATORS = {"standard": ESC_PINS, "bridge": GATE_PINS, "quadrotor": ROTOR_PINS, "wheels": WHEEL_PINS}
+TABLES = tuple(ACTUATORS)
+BOTH_LOW_SIDES = 0x440
+"""CC2NE and CC3NE of TIM1_CCER."""
 UART_PINS = {
     "standard": ("PA9", "PA10"),
     "bridge": ("PB6", "PB7"),
@@ -60,9 +71,18 @@ class Outputs:
             port._changed = look  # type: ignore[method-assign]
 
 
+@lru_cache
+def image() -> Path:
+    done = subprocess.run(
+        [sys.executable, "tools/build_images.py", "vehicles"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return find_image(Path("vehicles"))
+
+
 def saved(pins: str) -> bytes:
     """What the slots of a board hold that was told this pin set."""
-    machine = Machine(IMAGE)
+    machine = Machine(image())
     machine.advance_us(BOOT_US)
     with Session.open(machine.uart) as session:
         session.upload(CONTROL, pins=SETS[pins])
@@ -72,11 +92,11 @@ def saved(pins: str) -> bytes:
 
 @pytest.fixture(scope="module")
 def slots() -> dict[str, bytes]:
-    return {"standard": b"", "bridge": saved("bridge"), "quadrotor": saved("quadrotor")}
+    return {"standard": b"", **{pins: saved(pins) for pins in TABLES[1:]}}
 
 
 def started(strap: str, slots: bytes) -> tuple[Machine, Outputs]:
-    machine = Machine(IMAGE)
+    machine = Machine(image())
     set_strap(machine, strap)
     at_rest(machine)
     machine.flash.store(0xF000, slots)
@@ -86,7 +106,7 @@ def started(strap: str, slots: bytes) -> tuple[Machine, Outputs]:
 
 
 @pytest.mark.parametrize("strap", GROUNDED)
-@pytest.mark.parametrize("table", ["standard", "bridge", "quadrotor"])
+@pytest.mark.parametrize("table", TABLES)
 def test_no_pin_is_driven_that_the_strap_does_not_allow(slots: dict[str, bytes], strap: str, table: str) -> None:
     """Not for a moment, since power-on: no UART on a speed controller or a gate."""
     machine, watched = started(strap, slots[table])
@@ -101,11 +121,25 @@ def test_no_pin_is_driven_that_the_strap_does_not_allow(slots: dict[str, bytes],
     rotors = [machine.pwm(pin).enabled for pin in ROTOR_PINS]
     assert rotors == [strap == table == "quadrotor"] * 4
     assert bool(machine.tim2.ccer & 0x1110) == (strap == table == "quadrotor")
-    assert bool(machine.tim1.cr1 & 1 and not machine.tim1.ccmr1 & CAPTURES) == (strap == table == "bridge")
+    motors = machine.tim1.active_ccer == BOTH_LOW_SIDES
+    assert motors == (strap == table == "wheels")
+    bridge = machine.tim1.cr1 & 1 and not machine.tim1.ccmr1 & CAPTURES and not motors
+    assert bool(bridge) == (strap == table == "bridge")
+    encoders = [timer.smcr & 7 == 3 for timer in (machine.tim2, machine.tim4)]
+    assert encoders == [strap == table == "wheels"] * 2
+    assert machine.duty("PB14") is machine.duty("PB15") is None, "no motor turns before it is armed"
+    assert not any(machine.pin(pin) for pin in WHEEL_PINS if motors)
+
+
+def test_an_image_without_wheels_leaves_all_their_pins_alone() -> None:
+    machine = Machine(ALL)
+    set_strap(machine, "wheels")
+    machine.advance_us(BOOT_US)
+    assert outputs(machine) == {"PA9"}
 
 
 @pytest.mark.parametrize("strap", GROUNDED)
-@pytest.mark.parametrize("table", ["standard", "bridge", "quadrotor"])
+@pytest.mark.parametrize("table", TABLES)
 def test_a_disagreement_is_told_and_blocks_arming(slots: dict[str, bytes], strap: str, table: str) -> None:
     machine, _ = started(strap, slots[table])
     machine.drive("PB12", True)
@@ -150,13 +184,13 @@ def test_the_strap_is_read_once(slots: dict[str, bytes]) -> None:
 
 
 def test_a_slow_pull_up_and_a_noisy_wire_are_not_taken_for_a_strap(slots: dict[str, bytes]) -> None:
-    slow = Machine(IMAGE)
+    slow = Machine(image())
     for pin in (4, 5):
         slow.port("PB4").rise_us[pin] = 450.0
     slow.advance_us(BOOT_US)
     assert outputs(slow) == {"PA9", *ESC_PINS}
 
-    noisy = Machine(IMAGE)
+    noisy = Machine(image())
     port = noisy.port("PB5")
     level, looks = port.level, [0]
 

@@ -19,6 +19,8 @@ from plumb.link.session import Session
 from plumb.spec.parameters import table
 
 ROOT = Path(__file__).parents[2]
+IMAGES = {"wheels": Path("wheels")}
+"""Pin sets whose actuators the image of all systems does not have."""
 CONTROL_WORDS = sum(row.owner == "control" for row in table())
 MODES = {"analog": {0b0000}, "input": {0b1000}, "output": {0b0001, 0b1001, 0b1010}, "open drain": {0b1101}}
 """RM0008 9.2.1: inputs have their pull, outputs belong to a peripheral, but for the select line."""
@@ -38,7 +40,7 @@ GENERATOR = tool()
 
 def booted(pins: str) -> Machine:
     try:
-        machine = Machine(find_image())
+        machine = Machine(find_image(IMAGES.get(pins)))
     except UsageError as error:
         pytest.skip(str(error))
     machine.advance_us(60_000)
@@ -71,7 +73,7 @@ def test_every_wire_ends_on_a_pin_that_is_what_the_drawing_says(drawing: Any) ->
         assert machine.port(wire.pin).mode(int(wire.pin[2:])) in MODES[wire.role], (wire.pin, wire.label)
 
 
-@pytest.mark.parametrize("pins", ["standard", "bridge", "quadrotor"])
+@pytest.mark.parametrize("pins", BY_PIN_SET)
 def test_no_pin_that_drives_is_missing_from_the_drawings(pins: str) -> None:
     """Whoever wires something to a pin that drives would like to know."""
     machine = booted(pins)

@@ -78,13 +78,15 @@ void board_init(const board_setup_t *setup) {
     if (!agreed) {
         start_faults |= BOARD_FAULT_STRAP;
     }
+    if (USED_WHEELS && driven == BOARD_PINS_WHEELS) {
+        ride_init(); /* before pwm_init(), which leaves a timer alone that counts a wheel */
+    }
     pwm_init(driven);
     if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
         bridge_init(setup->dead_time_ns);
     }
     if (USED_WHEELS && driven == BOARD_PINS_WHEELS) {
         motors_init();
-        ride_init();
     }
     pins_init(identity.pins, agreed); /* last: the outputs become active when the timers are at neutral */
     watchdog_init();
