@@ -98,7 +98,8 @@ class Calibration:
             raise UsageError(f"{self.system} is calibrated about three axes")
         self.poses = poses
         declared = declarations.system(self.system).channels
-        self._numbers = {one.calibration: number for number, one in enumerate(declared) if one.calibration}
+        of_group = [(one.calibration, number) for number, one in enumerate(declared) if one.calibration]
+        self._numbers = dict(reversed(of_group))  # of a group with several channels the first is read
         units = {row.name: row.unit for row in parameters.table()}
         self._units = {group: units[f"{group}.offset"] for group in self._numbers}
         self.channels = pose_calibration.channels_of(self.table, self._units)

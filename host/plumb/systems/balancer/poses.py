@@ -17,7 +17,7 @@ POSES = (
     Pose("upside down", "stand it on its head", {"accel": 0.0, "accel_up": -1.0}),
     Pose("on its back", "lay it on its back, tilted backward by 90 degrees", {"accel": -1.0, "accel_up": 0.0}),
 )
-_TILTS_DEG = {"upright": 0.0, "on its front": 90.0, "upside down": 180.0, "on its back": 270.0}
+TILTS_DEG = {"upright": 0.0, "on its front": 90.0, "upside down": 180.0, "on its back": 270.0}
 TURN = Turn("tilt it forward, from upright to its front", "upright", "on its front", "gyro", "accel", "accel_up")
 
 
@@ -39,5 +39,5 @@ class HeldVehicle(BalancerPlant):
 
 def held(seed: int) -> Held:
     """The plant for the pins of the virtual board, and the hand."""
-    hand = TiltingHand(_TILTS_DEG)
+    hand = TiltingHand(TILTS_DEG)
     return Held(HeldVehicle(hand, seed), hand)
