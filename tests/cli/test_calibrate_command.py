@@ -17,6 +17,8 @@ from plumb.link import parameter_table
 from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
 from plumb.systems.quad.scenarios import scenario
+from plumb.systems.wheels import poses as wheels_poses
+from plumb.systems.wheels.plant import WheelsPlant
 from plumb.tuning.pose_calibration import Pose, Residual
 from support.declared_systems import without_part
 from support.native_board import NativeBoard
@@ -81,6 +83,19 @@ def test_wrong_signs_and_scales_are_found_and_a_wrong_pose_is_refused() -> None:
         assert zero - nominal == pytest.approx(offset_g * 2**26 / right[f"{group}.gain"], abs=3.0)
     assert found.after.norm_g < 0.005 < found.before.norm_g and found.after.pose_deg < 0.3
     assert abs(found.after.turn_deg) < 2.0 and abs(found.before.turn_deg) > 150.0
+
+
+def test_a_group_of_two_gyros_is_calibrated_by_the_one_about_the_axle() -> None:
+    """The upward gyro of `wheels` has another bias, and feels nothing of the turn."""
+    held = open_held("native", "wheels", SEED)
+    plant = wheels_poses.held(SEED).plant
+    assert isinstance(plant, WheelsPlant)
+    with held.board as board:
+        found = Calibration(board.session).run(Clumsy(held, {}))
+    _, axle_dps, up_dps = plant.imu.bias_now_dps(0.0)[:, 0].tolist()
+    zero_dps = -found.words["gyro.offset"] / 2**28 * 360.0
+    assert zero_dps == pytest.approx(axle_dps, abs=0.3) and abs(up_dps - axle_dps) > 0.5
+    assert found.words["calibrated"] == 1 and abs(found.after.turn_deg) < 2.0
 
 
 def found_on(calibration: Calibration, _operator: object) -> Calibrated:
