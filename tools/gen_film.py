@@ -28,7 +28,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 from PIL import Image  # noqa: E402
 
 from support.chromium import Chromium, Page, browser  # noqa: E402
-from support.trip_bench import flying  # noqa: E402
+from support.trip_bench import steering  # noqa: E402
 
 FILMS, FILM = ROOT / "tools" / "films", ROOT / "docs" / "images" / "flight.webp"
 MOST_BYTES = 3_000_000
@@ -114,7 +114,7 @@ def filmed(scene: Scene) -> list[Image.Image]:
     pictures = []
     with tempfile.TemporaryDirectory() as folder, Chromium() as chromium:
         loop = SlowFlight(scene.system, scene.seed, Hold(HOLD_S), folder=Path(folder))
-        with flying(loop) as server:
+        with steering(loop) as server:
             page = chromium.open(server.watch_address)
             page.call("Page.enable")
             page.call("Page.addScriptToEvaluateOnNewDocument", source=SCRIPT.replace("SHARE", str(SHARE)))

@@ -1,8 +1,8 @@
 """Write the pictures of the pages, as a browser shows them: docs/images/report.png, the head of the page that
-`plumb run` writes, docs/images/cockpit.png, `plumb cockpit` with the armed quad of the virtual board, and
-docs/images/fly.png, `plumb fly` in a gust.
+`plumb run` writes, docs/images/cockpit.png, `plumb cockpit` with the armed quad of the virtual board,
+docs/images/fly.png, `plumb fly` in a gust, and docs/images/ride.png, `plumb ride` on ice.
 
-    .venv/bin/python tools/gen_screenshot.py [report] [cockpit] [fly]
+    .venv/bin/python tools/gen_screenshot.py [report] [cockpit] [fly] [ride]
     .venv/bin/python tools/gen_screenshot.py --check
 
 Needs Chromium or Chrome. Fonts differ between machines, so --check compares no pixel: each picture has its size, and
@@ -17,7 +17,7 @@ import struct
 import sys
 import tempfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,12 +34,12 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from support.chromium import Chromium, browser  # noqa: E402
 from support.cockpit_bench import serving  # noqa: E402
-from support.trip_bench import flying  # noqa: E402
+from support.trip_bench import steering  # noqa: E402
 
 HOST = ROOT / "host" / "plumb"
 IMAGES = ROOT / "docs" / "images"
 RUN = ("run", "quad", "--board", "native", "--scenario", "hold", "--out")
-REPORT_SIZE, COCKPIT_SIZE, FLY_SIZE = (1200, 1260), (1400, 1000), (1120, 640)
+REPORT_SIZE, COCKPIT_SIZE, STEERED_SIZE = (1200, 1260), (1400, 1000), (1120, 640)
 """Pixels."""
 STEPPED_S, SHOWN_S = (16.0, 21.0), 27.0
 """Times of the run on the page: the hand lets go at 10.6 s."""
@@ -139,32 +139,46 @@ def cockpit() -> bytes:
             return page.picture(*COCKPIT_SIZE)
 
 
-def fly() -> bytes:
-    """The quadrotor of `plumb fly` a few metres up, on its way, as a gust begins. A busy machine may leave the page
-    waiting for longer than a pilot's receiver does."""
+def steered(system: str, keys: Sequence[tuple[str, str, bool]], event: str) -> bytes:
+    """The page of a vehicle that is on its way, as an event begins. keys: each with the text that is true once it was
+    held for long enough, and whether it is let go then. A busy machine may leave the page waiting for longer than a
+    receiver does."""
     transmitter.LOST_S = HOLD_S
     with tempfile.TemporaryDirectory() as folder, Chromium() as chromium:
-        loop = TripLoop("quadrotor", SEED, Hold(HOLD_S), folder=Path(folder))
-        with flying(loop) as server:
+        loop = TripLoop(system, SEED, Hold(HOLD_S), folder=Path(folder))
+        with steering(loop) as server:
             page = chromium.open(server.control_address)
             page.call("Emulation.setDeviceMetricsOverride", width=640, height=360, deviceScaleFactor=1, mobile=False)
             page.until("document.getElementById('hint').textContent.includes('Enter')")
             page.click("#motors-on")
             page.until("document.getElementById('armed').textContent === 'ARMED'")
-            for code, reached in (("KeyW", "height').textContent > 0.7"), ("ArrowUp", "speed').textContent > 1.5")):
+            for code, reached, let_go in keys:
                 page.call("Input.dispatchKeyEvent", type="keyDown", code=code, key=code)
                 page.until(f"document.getElementById('{reached}", patience_s=BUSY_S)
-                if code == "KeyW":
+                if let_go:
                     page.call("Input.dispatchKeyEvent", type="keyUp", code=code, key=code)
-            page.click("[data-event=gust]")
+            page.click(f"[data-event={event}]")
             page.value("document.getElementById('rate').hidden = document.getElementById('log').hidden = true")
-            return page.picture(*FLY_SIZE)
+            return page.picture(*STEERED_SIZE)
+
+
+def fly() -> bytes:
+    """The quadrotor a few metres up, on its way, as a gust begins."""
+    keys = ("KeyW", "height').textContent > 0.7", True), ("ArrowUp", "speed').textContent > 1.5", False)
+    return steered("quadrotor", keys, "gust")
+
+
+def ride() -> bytes:
+    """Two wheels in a turn, as the left one comes to ice."""
+    keys = ("KeyW", "speed').textContent > 0.4", False), ("KeyA", "turn').textContent > 35", False)
+    return steered("wheels", keys, "ice")
 
 
 PICTURES = {
     "report": Picture(report, REPORT_SIZE, ("proof/report.css", "proof/report.js")),
     "cockpit": Picture(cockpit, COCKPIT_SIZE, ("cockpit/page/*.*",)),
-    "fly": Picture(fly, FLY_SIZE, ("cockpit/page/steering/*",)),
+    "fly": Picture(fly, STEERED_SIZE, ("cockpit/page/steering/*",)),
+    "ride": Picture(ride, STEERED_SIZE, ("cockpit/page/steering/*",)),
 }
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from plumb.cockpit.steering.trip_loop import TripLoop
 from plumb.cockpit.steering.trip_page import ASSETS
 from plumb.inputs import log_replay
 from support.chromium import PATIENCE_S, Chromium, Page
-from support.trip_bench import flying
+from support.trip_bench import PAD, press, steering
 
 STEERED = systems.with_part("fly")
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not STEERED, reason="no declared system has fly.py")]
@@ -35,11 +35,6 @@ DISARMED = "document.getElementById('armed').textContent === 'disarmed'"
 HEIGHT = "Number(document.getElementById('height').textContent)"
 SAID = "document.getElementById('said').textContent"
 LOST = "document.getElementById('receiver').textContent === 'receiver lost'"
-PAD = """
-  window.pad = { id: "scripted", connected: true, axes: [0, 0, 0, 0],
-    buttons: Array.from({ length: 12 }, () => ({ pressed: false })) };
-  navigator.getGamepads = () => [window.pad];
-"""
 
 
 @pytest.fixture
@@ -50,7 +45,7 @@ def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TripLoop:
 
 @pytest.fixture
 def server(loop: TripLoop) -> Iterator[PageServer]:
-    with flying(loop) as server:
+    with steering(loop) as server:
         yield server
 
 
@@ -65,11 +60,6 @@ def opened(chromium: Chromium, address: str) -> Page:
     page = chromium.open(address)
     page.call("Emulation.setDeviceMetricsOverride", width=420, height=360, deviceScaleFactor=1, mobile=False)
     return page
-
-
-def push(page: Page, button: int) -> None:
-    for pressed in ("true", "false"):
-        page.value(f"pad.buttons[{button}].pressed = {pressed}; new Promise((then) => setTimeout(then, 120))")
 
 
 def key(page: Page, kind: str, code: str) -> None:
@@ -106,7 +96,7 @@ def flip(page: Page, loop: TripLoop) -> float:
         heights.append(height(loop))
         return reached
 
-    push(page, 1)
+    press(page, 1)
     page.value("pad.axes[1] = -1; pad.axes[2] = 1")
     until(lambda: turned(upright(loop) < -0.5), "the vehicle on its back")
     page.value("pad.axes[2] = 0; pad.buttons[1].pressed = true")
@@ -135,7 +125,7 @@ def test_a_gamepad_takes_off_hovers_flips_and_lands_on_a_slow_browser_and_every_
     page, viewer = opened(chromium, server.control_address), opened(chromium, server.watch_address)
     page.until(READY)
     page.value(PAD)
-    push(page, 0)
+    press(page, 0)
     page.until(ARMED)
     viewer.until(f"{ARMED} && {HINT}.includes('watches')")
     viewer.close()
@@ -151,7 +141,7 @@ def test_a_gamepad_takes_off_hovers_flips_and_lands_on_a_slow_browser_and_every_
     second = opened(chromium, server.control_address)
     second.until(f"{ARMED} && {HINT} === 'Another page steers; this one watches'")
     second.value(PAD)
-    push(second, 0)
+    press(second, 0)
     assert second.value(ARMED), "a page that watches switches no rotors"
     second.close()
 
@@ -163,7 +153,7 @@ def test_a_gamepad_takes_off_hovers_flips_and_lands_on_a_slow_browser_and_every_
     page.call("Emulation.setCPUThrottlingRate", rate=1)
     page.value("pad.axes[1] = 1")
     page.until(f"{HEIGHT} < 0.2")
-    push(page, 0)
+    press(page, 0)
     page.until(f"{HINT}.includes('over')")
     page.until("document.querySelector('#reports a') !== null")
     report = str(page.value("document.querySelector('#reports a').href"))

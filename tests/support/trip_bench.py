@@ -1,4 +1,4 @@
-"""A flight for tests: its loop turned by hand as fast as the machine is, or served in a thread."""
+"""A trip for tests: its loop turned by hand as fast as the machine is, or served in a thread."""
 
 from __future__ import annotations
 
@@ -15,8 +15,15 @@ from plumb.cockpit.page_server import PageServer
 from plumb.cockpit.steering.transmitter import Sticks
 from plumb.cockpit.steering.trip_loop import TripLoop
 from plumb.cockpit.steering.trip_page import ASSETS, TripPage
+from support.chromium import Page
 
 PILOT = 1
+PAD = """
+  window.pad = { id: "scripted", connected: true, axes: [0, 0, 0, 0],
+    buttons: Array.from({ length: 12 }, () => ({ pressed: false })) };
+  navigator.getGamepads = () => [window.pad];
+"""
+"""A gamepad of a page, as its script moves it."""
 
 
 class TripBench:
@@ -30,7 +37,7 @@ class TripBench:
         self.loop._begin_or_join()
 
     def turn(self, seconds: float, **sticks: float | bool) -> None:
-        """Let time of the flight pass with these sticks; without any the pilot says nothing."""
+        """Let time of the trip pass with these sticks; without any the pilot says nothing."""
         if sticks:
             self.loop.hear(PILOT, Sticks(**sticks))  # type: ignore[arg-type]
         end_s = self.loop._session.clock() + seconds
@@ -44,10 +51,17 @@ class TripBench:
         return answers[0]
 
     def arm(self) -> None:
-        """Wait until the sensors have settled, and switch the rotors on."""
-        self.turn(6.0, on=False)
+        """Wait until the sensors have settled, and switch the motors on."""
+        self.turn(self.loop._steered.SETTLED_S + 0.5, on=False)
         self.turn(0.5, on=True)
         assert self.loop.state["armed"], self.loop.state
+
+    def reading(self, label: str) -> float:
+        """What the page shows below that label."""
+        at = [reading.label for reading in self.loop._steered.DRAWING.readings].index(label)
+        readings = self.loop.scene["readings"]
+        assert isinstance(readings, list)
+        return float(readings[at])
 
     @property
     def height_m(self) -> float:
@@ -57,7 +71,7 @@ class TripBench:
 
 
 @contextlib.contextmanager
-def flying(loop: TripLoop) -> Iterator[PageServer]:
+def steering(loop: TripLoop) -> Iterator[PageServer]:
     """Its page, while the loop runs in a thread."""
     ended = threading.Event()
     thread = threading.Thread(target=loop.run, args=(ended.is_set,))
@@ -68,3 +82,9 @@ def flying(loop: TripLoop) -> Iterator[PageServer]:
         finally:
             ended.set()
             thread.join()
+
+
+def press(page: Page, button: int) -> None:
+    """Press a button of the gamepad of a page."""
+    for pressed in ("true", "false"):
+        page.value(f"pad.buttons[{button}].pressed = {pressed}; new Promise((then) => setTimeout(then, 120))")

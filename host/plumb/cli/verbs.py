@@ -23,6 +23,7 @@ COMMANDS = {
     "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",
     "cockpit": "open a live page of a board: plots, attitude, health, arming, recordings",
     "fly": "fly a simulated vehicle in the browser, by keyboard or gamepad",
+    "ride": "ride a simulated vehicle in the browser, by keyboard or gamepad",
     "record": "record a running board, or a bus, to a log",
     "export": "write a log as CSV, Parquet, BLF, ASC, candump, TRC or MF4",
     "params": "read, change, save and restore a board's parameters",

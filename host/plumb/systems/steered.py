@@ -39,7 +39,7 @@ class Shape:
     along y; `propeller` with the radius of its disc and the width of a blade. turn_rad: about z, before it is moved to
     at_m. motor: number of the motor that turns it, -1: none does; a propeller turns about z by the motor's share, all
     else about y by its angle in `Seen.turned_rad`. spin: of a propeller, 1 counter-clockwise seen from above, -1 the
-    other way. without: the event during which it is not there.
+    other way. without: the event during which it is not there; during: the one during which alone it is.
     """
 
     kind: str
@@ -50,6 +50,7 @@ class Shape:
     motor: int = -1
     spin: float = 0.0
     without: str = ""
+    during: str = ""
 
 
 class Reading(NamedTuple):
@@ -62,12 +63,13 @@ class Reading(NamedTuple):
 @dataclass(frozen=True)
 class Drawing:
     """How the page draws a vehicle. motors: names, in the order of `Seen.motors`; readings: those of `Seen.readings`;
-    estimate: what the ghost of the estimate shows, and what not."""
+    estimate: what the ghost of the estimate shows, and what not; away_m: distance of the camera behind it."""
 
     shapes: tuple[Shape, ...]
     motors: tuple[str, ...]
     readings: tuple[Reading, ...]
     estimate: str
+    away_m: float
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,7 @@ class SteeredVehicle(Plant, Protocol):
     def at_rest(self) -> bool:
         """Whether it may be left where it is: it stands."""
 
-    def six_axes(self, taken: Sequence[int]) -> Sequence[int] | None:
+    def sample_of(self, taken: Sequence[int]) -> Sequence[int] | None:
         """Counts of gyro and accelerometer, x, y, z each, in the sample of which the board took these raw counts; None
         where there is no such sample."""
 

@@ -31,7 +31,7 @@ class Rivals:
         rows, self._next = samples.raw_since(self._next, channels)
         whole = np.isfinite(rows).all(1) & (rows[:, 0] != NO_SAMPLE)
         for taken in rows[whole].astype(int).tolist():
-            counts = vehicle.six_axes(taken)
+            counts = vehicle.sample_of(taken)
             if counts is None:
                 continue
             row = np.array([counts], np.int16)

@@ -333,6 +333,7 @@ class TripLoop(BoardRun):
             "motors": drawing.motors,
             "readings": [reading._asdict() for reading in drawing.readings],
             "estimate": drawing.estimate,
+            "away_m": drawing.away_m,
             "controls": controls.__dict__,
             "events": self.events,
             "chip_share": self._chip_share,

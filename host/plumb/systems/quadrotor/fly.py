@@ -64,6 +64,7 @@ DRAWING = Drawing(
     (Reading("height", "m"), Reading("climb", "m/s"), Reading("speed", "m/s")),
     "The ghost has the estimated attitude. Its heading is the gyro's alone: it begins with the true one when the "
     "rotors are switched on.",
+    away_m=1.75,
 )
 CONTROLS = Controls(
     "flight",
@@ -118,7 +119,7 @@ class Vehicle(QuadrotorPlant):
         still = np.linalg.norm(body.velocity_mps) < STILL_MPS and np.linalg.norm(body.rate_radps) < STILL_RADPS
         return bool(still) and not any(self._motors)
 
-    def six_axes(self, taken: Sequence[int]) -> Sequence[int]:
+    def sample_of(self, taken: Sequence[int]) -> Sequence[int]:
         return taken[:6]
 
 

@@ -5,7 +5,7 @@ import { ground, sky, solid } from "./shader.js";
 import { ghostVehicle, rgb, shadowVehicle, solidVehicle } from "./vehicle.js";
 
 const TRAIL = 300, TRAIL_EVERY_S = 0.05, NOT_YET = 3, SMOOTH_S = 0.045, CAMERA_S = 0.25, TREES = 46, GHOST_SIZE = 1.1;
-const STAND = [-3.2, -2.2, 1.7], FIELD_M = 1.5, WIDE_DEG = 50, NARROW_DEG = 9, DEG = Math.PI / 180;
+const STAND = [-3.2, -2.2, 1.7], FIELD_M = 1.5, UP = 0.43, WIDE_DEG = 50, NARROW_DEG = 9, DEG = Math.PI / 180;
 const SLOW_MS = 26, FRAMES_TO_JUDGE = 40, LEAST_DPR = 0.5;
 const GHOSTS = { estimate: "ghost", VQF: "vqf", Mahony: "mahony" };
 export const VIEWS = ["behind it", "from the ground", "on board"];
@@ -66,6 +66,7 @@ export class Scene {
     const field = new Mesh(gl, { geometry: new Plane(gl, { width: 3000, height: 3000 }), program: ground(gl, haze, shared.ground, shared.line, shared.mark), frustumCulled: false });
     dome.renderOrder = -2;
     field.renderOrder = -1;
+    this.away = drawing.away_m;
     this.dome = dome;
     this.field = field;
     this.vehicle = solidVehicle(gl, haze, drawing.shapes);
@@ -201,7 +202,7 @@ export class Scene {
       this.eye(at(0.1, 0.06), at(2, 0.06));
       return;
     } else {
-      const wanted = [x - 1.75 * c, y - 1.75 * s, Math.max(z + 0.75, 0.35)];
+      const wanted = [x - this.away * c, y - this.away * s, Math.max(z + UP * this.away, 0.35)];
       shown.eye = shown.eye ? mix(shown.eye, wanted, Math.min(1, 1.6 * share)) : wanted;
       this.eye(shown.eye, [x + 0.35 * c, y + 0.35 * s, z + 0.12]);
     }

@@ -84,8 +84,9 @@ export function sky(gl, haze, zenith) {
   });
 }
 
+// Its corners are so far away that its depth is too rough for what lies on it: it is drawn first, and hides nothing.
 export function ground(gl, haze, colour, line, mark) {
   return new Program(gl, {
-    vertex: VERTEX, fragment: GROUND, cullFace: false, uniforms: { haze, colour, line, mark },
+    vertex: VERTEX, fragment: GROUND, depthWrite: false, cullFace: false, uniforms: { haze, colour, line, mark },
   });
 }

@@ -21,7 +21,7 @@ export class Vehicle extends Transform {
     this.blades = [];
     this.discs = [];
     this.turned = [];
-    this.parts = [];  // those that an event takes away
+    this.parts = [];  // those that an event brings or takes away
     for (const shape of shapes) {
       const holder = new Transform(), mesh = new Mesh(gl, { geometry: geometryOf(gl, shape), program: paint(shape.colour) });
       if (shape.kind === "cylinder") mesh.rotation.x = Math.PI / 2;  // its axis is y
@@ -29,7 +29,7 @@ export class Vehicle extends Transform {
       holder.rotation.z = shape.turn_rad;
       mesh.setParent(holder);
       holder.setParent(this);
-      if (shape.without) this.parts.push({ holder, without: shape.without });
+      if (shape.without || shape.during) this.parts.push({ holder, ...shape });
       if (shape.kind !== "propeller") {
         if (shape.motor >= 0) this.turned.push({ mesh, motor: shape.motor });
         continue;
@@ -55,7 +55,7 @@ export class Vehicle extends Transform {
   // angles: of the parts that motors turn, in rad; happening: the events that are on.
   set(angles, happening) {
     for (const { mesh, motor } of this.turned) mesh.rotation.y = angles[motor] ?? 0;
-    for (const { holder, without } of this.parts) holder.visible = !happening.includes(without);
+    for (const { holder, without, during } of this.parts) holder.visible = !happening.includes(without) && (!during || happening.includes(during));
   }
 
   turn(motors, seconds) {
@@ -72,7 +72,7 @@ export function solidVehicle(gl, haze, shapes) {
 }
 
 export function ghostVehicle(gl, haze, shapes, colour) {
-  const program = solid(gl, haze, colour, { alpha: 0.5, lit: 0.4, behind: true }), ghost = new Vehicle(gl, shapes, () => program);
+  const program = solid(gl, haze, colour, { alpha: 0.5, lit: 0.4, behind: true }), ghost = new Vehicle(gl, shapes.filter(({ during }) => !during), () => program);
   ghost.traverse((part) => { part.renderOrder = GHOST_ORDER; });
   return ghost;
 }
