@@ -90,6 +90,8 @@ void motors_arm(void) {
 void motors_off(void) {
     if (drives()) {
         TIM1_BDTR &= ~TIM1_BDTR_MOE;
+        TIM1_CCR2 = 0u; /* else the next arming would begin with the half period of an old duty */
+        TIM1_CCR3 = 0u;
         GPIOA_BSRR = DOWN(8);
         GPIOB_BSRR = DOWN(0) | DOWN(1) | DOWN(13);
     }

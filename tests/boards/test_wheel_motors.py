@@ -1,0 +1,250 @@
+"""Two wheels at the pins of the flash image `wheels`: what the motors' pins do for a duty, what lowers them, and what
+encoders and rider's switch become."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
+
+from unicorn.arm_const import UC_ARM_REG_LR, UC_ARM_REG_R0
+
+from plumb.errors import UsageError
+from plumb.f103.core.cpu import RAM_BASE
+from plumb.f103.peripherals.tim1 import MOE
+from plumb.f103.snapshot import Snapshot
+from plumb.flash.image import find_image
+from plumb.proof.faults import core
+from plumb.proof.faults.host import disarms
+from plumb.proof.faults.scene import Scene, arm, driving
+from plumb.spec.records import RECORDS
+from plumb.systems.wheels.pins import BREAK_PIN, MOTORS, Coupling
+
+pytestmark = pytest.mark.slow
+PWM, DIRECTIONS = tuple(pins[0] for pins in MOTORS), tuple(pin for pins in MOTORS for pin in pins[1:])
+FIELDS: Mapping[str, tuple[Any, ...]] = RECORDS["wheels"].fields or {}
+PLACES = [FIELDS[f"duty_{side}_q15"][1] for side in ("left", "right")]
+"""In the record of a step."""
+COUNTS = 1800
+"""Of half a period of 20 kHz, at 72 MHz."""
+WRITTEN_US = 300
+"""From the end of a step until its duties are written, and a period of the PWM."""
+AT_ONCE_US = 12
+"""96 cycles at 8 MHz, for the entry of a fault and its start."""
+STALL_US = 22_000
+"""20 ticks of a millisecond, and two."""
+LOOP_US = 6_000
+"""A turn of the loop, and a line on the UART."""
+BRIDGE, HARD, CRYSTAL, STALLED = 0x10, 0x4, 0x1000, 0x2000
+Taken = tuple[Scene, Snapshot]
+
+
+@pytest.fixture(scope="module")
+def taken() -> Iterator[Taken]:
+    """Armed by a host; the hand still holds it."""
+    try:
+        image = find_image(Path("wheels"))
+    except UsageError as error:
+        pytest.skip(str(error))
+    scene = driving("wheels", image=image)
+    try:
+        yield scene, scene.snapshot()
+    finally:
+        scene.board.close()
+
+
+@pytest.fixture
+def scene(taken: Taken) -> Iterator[Scene]:
+    yield taken[0]
+    taken[0].machine.restore(taken[1])
+
+
+def duties(scene: Scene) -> list[float | None]:
+    return [scene.machine.duty(pin) for pin in PWM]
+
+
+def directions(scene: Scene) -> list[bool | None]:
+    return [scene.machine.pin(pin) for pin in DIRECTIONS]
+
+
+def pwm_low(scene: Scene) -> bool:
+    """Driven low: by the timer, whose main output is off."""
+    gates = [scene.machine.tim1.gate(pin, scene.machine.now) for pin in PWM]
+    return duties(scene) == [None, None] and gates == [False, False]
+
+
+def all_low(scene: Scene) -> bool:
+    return pwm_low(scene) and directions(scene) == [False] * 4
+
+
+def moves(scene: Scene) -> bool:
+    return all(duties(scene)) and sum(map(bool, directions(scene))) == 2
+
+
+def said_faults(scene: Scene) -> int:
+    faults = scene.session.telemetry["STATUS"]["faults"]
+    assert isinstance(faults, int)
+    return faults
+
+
+class Duties:
+    """The words of both duties in the record of the step that the loop is about to write to the motors."""
+
+    def __init__(self, scene: Scene, pause_s: float = 0.0) -> None:
+        """pause_s: how long the loop then stands still."""
+        cpu = scene.machine.cpu
+        core.pause_at(scene, scene.symbol("plumb_wheels_step").address, 0.0)
+        record, back = cpu.uc.reg_read(UC_ARM_REG_R0), cpu.uc.reg_read(UC_ARM_REG_LR)
+        self._scene, self._at = scene, [record + place for place in PLACES]
+        core.pause_at(scene, back & ~1, pause_s)
+
+    def read(self) -> list[int]:
+        ram = self._scene.machine.cpu.ram
+        words = [bytes(ram[at - RAM_BASE : at - RAM_BASE + 4]) for at in self._at]
+        return [int.from_bytes(word, "little", signed=True) for word in words]
+
+    def replace(self, *duties_q15: int) -> None:
+        for at, duty in zip(self._at, duties_q15, strict=True):
+            core.poke(self._scene, at, duty)
+
+    def are_followed(self, *duties_q15: int) -> None:
+        """Once the loop has gone on, and a period of the PWM is over."""
+        self._scene.machine.advance_us(WRITTEN_US)
+        assert duties(self._scene) == [(min(abs(duty), 32767) * COUNTS >> 15) / COUNTS for duty in duties_q15]
+        left, right = (duty >= 0 for duty in duties_q15)
+        assert directions(self._scene) == [left, not left, right, not right]
+
+
+def test_the_pins_follow_the_record_of_every_step(scene: Scene) -> None:
+    seen = set()
+    for _ in range(6):
+        duties_now = Duties(scene)
+        told = duties_now.read()
+        duties_now.are_followed(*told)
+        seen.add(tuple(told))
+    assert len(seen) > 3
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [(9000, -12000), (-1, 0), (0, -32767), (32767, 1 << 16), (-(1 << 31), 40000), (-20000, (1 << 31) - 1)],
+)
+def test_a_sign_is_a_direction_and_a_size_is_a_share_of_the_pwm(scene: Scene, wanted: tuple[int, int]) -> None:
+    """Of whatever is in memory: no share is more than that of the largest duty."""
+    duties_now = Duties(scene)
+    duties_now.replace(*wanted)
+    duties_now.are_followed(*wanted)
+
+
+def test_disarming_lowers_all_six_pins_and_arming_alone_drives_them_again(scene: Scene) -> None:
+    """From duty 0 on: the timer holds nothing of the time before."""
+    timer = scene.machine.tim1
+    assert moves(scene)
+    look, begun = timer._look, list[list[int]]()
+
+    def looks(now: int) -> None:
+        look(now)
+        if timer.bdtr & MOE and not begun:
+            begun.append(timer.active_ccr[1:3])
+
+    disarms(scene)
+    scene.run(LOOP_US * 1e-6)
+    assert all_low(scene)
+    vars(timer)["_look"] = looks
+    scene.run(0.1)
+    assert all_low(scene) and not begun
+    arm(scene)
+    del vars(timer)["_look"]
+    scene.run(0.02)
+    assert moves(scene) and begun == [[0, 0]]
+
+
+def test_the_break_input_takes_the_pwm_away_without_an_instruction(scene: Scene) -> None:
+    machine = scene.machine
+    now = machine.now
+    machine.drive(BREAK_PIN, False)
+    assert machine.now == now and pwm_low(scene) and any(directions(scene))
+    machine.advance_us(LOOP_US)
+    assert all_low(scene)
+    machine.drive(BREAK_PIN, True)
+    scene.run(0.1)
+    assert all_low(scene) and said_faults(scene) & BRIDGE and not scene.says_armed
+
+
+def test_an_open_break_input_is_a_break(scene: Scene) -> None:
+    scene.machine.drive(BREAK_PIN, None)
+    assert pwm_low(scene)
+
+
+def test_a_crash_lowers_all_six_pins_before_its_reset(scene: Scene) -> None:
+    core.hold_off(scene, "software")
+    core.patch_the_loop(scene, core.UNDEFINED)
+    scene.machine.advance_us(AT_ONCE_US)
+    assert all_low(scene)
+
+
+def test_a_crystal_that_fails_takes_the_pwm_away_at_once_and_then_the_directions(scene: Scene) -> None:
+    core.hold_off(scene, "software")
+    scene.machine.rcc.kill_crystal()
+    assert pwm_low(scene)
+    scene.machine.advance_us(AT_ONCE_US)
+    assert all_low(scene)
+
+
+@pytest.mark.parametrize(("how", "said"), [("crash", HARD), ("crystal", CRYSTAL)])
+def test_a_reset_leaves_the_motors_off_and_is_told(scene: Scene, how: str, said: int) -> None:
+    if how == "crash":
+        core.patch_the_loop(scene, core.UNDEFINED)
+    else:
+        scene.machine.rcc.kill_crystal()
+    scene.machine.advance_us(200_000)
+    assert all_low(scene) and scene.identify()["FAULTS"] & said
+
+
+def test_a_loop_that_hangs_is_noticed_by_the_tick(scene: Scene) -> None:
+    core.hold_off(scene, "iwdg", "wwdg")
+    core.patch_the_loop(scene, core.FOREVER)
+    scene.machine.advance_us(STALL_US)
+    assert all_low(scene)
+
+
+def test_a_loop_that_goes_on_after_a_stall_writes_nothing(scene: Scene) -> None:
+    """Not even what it was about to write."""
+    Duties(scene, STALL_US * 1e-6)
+    assert all_low(scene)
+    scene.machine.advance_us(WRITTEN_US)
+    assert all_low(scene)
+    scene.run(0.1)
+    assert all_low(scene) and said_faults(scene) & STALLED
+
+
+def test_encoders_and_the_riders_switch_arrive_as_counts(scene: Scene) -> None:
+    """Modulo 2^16; the switch closes to ground."""
+    machine, coupling = scene.machine, scene.coupling
+    assert isinstance(coupling, Coupling)
+    plant = coupling.plant
+
+    def counts() -> list[int]:
+        scene.listen_anew()
+        scene.run(0.02)
+        found: list[int] = []
+        for name in ("RAW_B", "RAW_C"):
+            message = scene.session.protocol[name]
+            newest = [one for one in scene.heard if one.identifier == message.identifier][-1]
+            found += message.unpack(newest.data)[2:5]
+        return found[1:4]
+
+    left, right, rider = counts()
+    machine.turn_encoder("TIM2", 1000)
+    machine.turn_encoder("TIM4", -(1 << 15) - 7)
+    vars(plant)["ridden"] = lambda time_s: False
+    try:
+        now = counts()
+    finally:
+        del vars(plant)["ridden"]
+    moved = [(one - other) % (1 << 16) for one, other in zip(now, (left, right, rider), strict=True)]
+    assert moved == [1000, (1 << 15) - 7, (1 << 16) - 1] and rider == 1
