@@ -120,11 +120,11 @@ def _number(node: ElementTree.Element, name: str) -> int:
 def _definitions() -> dict[str, str]:
     pattern = r"^#define[ ]+([A-Z]\w+(?:\(word\))?)[ ]+(.*?)(?:/\*.*)?$"
     found = re.findall(pattern, HEADER.read_text(encoding="utf-8"), re.MULTILINE)
-    return {name: value.strip() for name, value in found if not name.startswith("PULSE_")}
+    return {name: value.strip() for name, value in found if not name.startswith(("PULSE_", "ENCODER_"))}
 
 
-PULSES = re.compile(r"^#define (PULSE_\w+)(\(\w+(?:, \w+)?\))? +(.*?)(?:/\*.*)?$", re.MULTILINE)
-"""The registers of a timer of pulses, which the header has by the base of the timer."""
+PULSES = re.compile(r"^#define ((?:PULSE|ENCODER)_\w+)(\(\w+(?:, \w+)?\))? +(.*?)(?:/\*.*)?$", re.MULTILINE)
+"""The registers of a timer of pulses or of an encoder, which the header has by the base of the timer."""
 
 
 def _value(expression: str) -> int:
@@ -166,16 +166,18 @@ def test_every_definition_is_the_vendors(svd: tuple[dict[str, Block], dict[str, 
 
 
 @pytest.mark.parametrize("timer", ["TIM2", "TIM4"])
-def test_both_timers_of_pulses_have_these_registers_and_bits(
+def test_both_timers_of_pulses_and_encoders_have_these_registers_and_bits(
     svd: tuple[dict[str, Block], dict[str, int]], timer: str
 ) -> None:
     block = svd[0][timer]
     modes = block.bits["CCMR1"]
     masks = {"CCMR_OCPE": modes["OC1PE"], "CCMR_OCM_PWM1": modes["OC1M"]}
+    masks |= {"SMCR_SMS_BOTH": block.bits["SMCR"]["SMS"], "CCMR1_INPUTS": modes["CC1S"] | modes["CC2S"]}
+    masks["CCMR1_FILTERS_SLOWEST"] = modes["IC1F"] | modes["IC2F"]
     masks |= {f"{register}_{bit}": mask for register in ("CR1", "EGR") for bit, mask in block.bits[register].items()}
     checked = 0
     for name, arguments, value in PULSES.findall(HEADER.read_text(encoding="utf-8")):
-        what = name.removeprefix("PULSE_")
+        what = name.removeprefix("PULSE_").removeprefix("ENCODER_")
         plain = re.sub(r"(?<=[0-9a-fA-F])u\b", "", value.strip())
         if arguments == "(base, number)":
             offset = plain.removeprefix("REG32(base, ").removesuffix(")")
@@ -189,7 +191,7 @@ def test_both_timers_of_pulses_have_these_registers_and_bits(
         else:
             assert _value(value) & ~masks[what] == 0, name
         checked += 1
-    assert checked == 16
+    assert checked == 20
 
 
 def test_what_no_file_of_the_vendor_knows() -> None:
