@@ -228,6 +228,50 @@ def test_update_disable_keeps_every_preloaded_register_back(board: NewBoard) -> 
     assert machine.pwm("PB7").pulse_us == 1800.0 and machine.bus.read(sr, 4) == 1
 
 
+RCC, TIM1, TIM4, GPIOB = 0x40021000, 0x40012C00, 0x40000800, 0x40010C00
+
+
+def write(machine: Machine, base: int, registers: dict[int, int]) -> None:
+    for offset, value in registers.items():
+        machine.bus.write(base + offset, 4, value)
+
+
+@pytest.mark.parametrize("cut", ["", "counter", "mode", "inputs", "clock"])
+def test_an_encoder_moves_the_count_and_both_pins(board: NewBoard, cut: str) -> None:
+    """RM0008 15.3.12: up and down, past both ends, and only when all that it needs is set up."""
+    machine = board("pwm").machine
+    write(machine, RCC, {0x18: 0x8, 0x1C: 4})
+    write(machine, TIM4, {0x18: 0xF0F0 if cut == "inputs" else 0xF1F1, 0x08: 0 if cut == "mode" else 3})
+    if cut not in ("counter", "mode"):  # without the mode it would count the clock
+        write(machine, TIM4, {0x00: 1})
+    if cut == "clock":
+        write(machine, RCC, {0x1C: 0})
+    seen = []
+    for turned in (1, 1, 1, 1, -6, 65_538):
+        machine.turn_encoder("TIM4", turned)
+        machine.advance_us(1)
+        seen.append((machine.tim4.read_cnt(), machine.pin("PB6"), machine.pin("PB7")))
+    assert [levels for _, *levels in seen] == [[1, 0], [1, 1], [0, 1], [0, 0], [1, 1], [0, 0]]
+    assert [count for count, *_ in seen] == ([0] * 6 if cut else [1, 2, 3, 4, 65_534, 0])
+
+
+@pytest.mark.parametrize("cut", ["", "main output", "complement", "both", "counter", "mode", "pin"])
+def test_a_complementary_output_alone_has_the_share_of_its_reference(board: NewBoard, cut: str) -> None:
+    """RM0008 table 83, CCxE = 0 and CCxNE = 1: only then, and only where the pin is the timer's."""
+    machine = board("pwm").machine
+    write(machine, RCC, {0x18: 0x808})
+    write(machine, GPIOB, {0x04: 0x43444444 if cut == "pin" else 0x4A444444})
+    write(machine, TIM1, {0x2C: 900, 0x38: 225, 0x18: 0x4800 if cut == "mode" else 0x6800, 0x14: 1})
+    write(machine, TIM1, {0x20: {"complement": 0, "both": 0x50}.get(cut, 0x40)})
+    write(machine, TIM1, {0x00: 0xA0 if cut == "counter" else 0xA1, 0x44: 0 if cut == "main output" else 1 << 15})
+    assert machine.duty("PB14") == (None if cut else 0.25) and machine.duty("PB15") is None
+    write(machine, TIM1, {0x38: 5000})
+    machine.advance_us(400)
+    assert machine.duty("PB14") == (None if cut else 1.0), "preloaded until the end of a half period"
+    machine.power_cut()
+    assert machine.duty("PB14") is None
+
+
 def test_pins_are_checked_by_name(board: NewBoard) -> None:
     from plumb.errors import UsageError
 
