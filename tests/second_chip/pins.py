@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from second_chip.block import Block, Layout
+from second_chip.timers import ENCODER_PINS
 
 if TYPE_CHECKING:
     from second_chip.chip import Chip
@@ -68,12 +69,17 @@ class Port(Block):
         return 0 if mode == 0 or given is None else given
 
     def drive(self, pin: int, level: int) -> None:
-        """The outside changes a level: Hall inputs and the break see it at once."""
+        """The outside changes a level: Hall inputs, encoders and the break see it at once."""
         self.outside[pin] = level
         if (self.name, pin) in HALL_PINS:
             self.chip.tim2.hall_edge()
         if (self.name, pin) == ("A", 8):
             self.chip.tim1.input_edge(level)
+        timer, place = ENCODER_PINS.get((self.name, pin), (0, 0))
+        if timer == 2 and not self.chip.afio.bit("MAPR", 8):  # else TIM2_REMAP has moved channels 1 and 2
+            self.chip.tim2.encoder_level(place)
+        elif timer == 4:
+            self.chip.tim4.encoder_level(place)
         self.chip.tim1.look_at_break()
 
     def read_IDR(self) -> int:

@@ -1,7 +1,9 @@
-"""TIM2 to TIM4 and TIM1 (RM0008 14.4, 15.4): update events, preloaded PWM, Hall capture, complementary outputs."""
+"""TIM2 to TIM4 and TIM1 (RM0008 14.4, 15.4): update events, preloaded PWM, Hall capture, encoders, complementary
+outputs."""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 from second_chip.block import Block, Layout
@@ -15,6 +17,10 @@ CAPTURE_IRQ = 27
 FILTER = {0: (1, 1), 3: (1, 8), 15: (32, 8)}
 """IC1F -> divider of the sampling clock, equal samples; those that a test has used."""
 FIRST_IRQ = {2: 28, 3: 29, 4: 30}
+ENCODER_PINS = {("A", 0): (2, 0), ("A", 1): (2, 1), ("B", 6): (4, 0), ("B", 7): (4, 1)}
+"""Timer and input of a pin, without remapping (RM0008 9.3.7)."""
+TI1_EDGES, TI2_EDGES = (2, 3), (1, 3)
+"""Modes of SMCR.SMS in which the edges of an input count."""
 COMMON = {
     0x00: ("CR1", 0, 0x3FF),
     0x04: ("CR2", 0, 0xF8),
@@ -51,6 +57,8 @@ class Timer(Block):
         self.active = {name: self.value[name] for name in ("PSC", "ARR", "CCR1", "CCR2", "CCR3", "CCR4")}
         self._count_from, self._count_at = 0, self.chip.now
         self._generation = getattr(self, "_generation", 0) + 1
+        self._inputs = [0, 0]
+        self._looked = [count + 1 for count in getattr(self, "_looked", (0, 0))]
 
     # ---- counting ----
 
@@ -58,7 +66,8 @@ class Timer(Block):
         return (self.active["PSC"] + 1) * self.chip.rcc.timer1()
 
     def _running(self) -> bool:
-        return bool(self.value["CR1"] & 1) and self.active["ARR"] > 0
+        """By the clock; an encoder's edges take its place (15.3.12)."""
+        return bool(self.value["CR1"] & 1) and self.active["ARR"] > 0 and not 1 <= self.value["SMCR"] & 7 <= 3
 
     def _schedule(self) -> None:
         self._generation += 1
@@ -100,6 +109,8 @@ class Timer(Block):
         if (value ^ before) & 1:
             self._count_from, self._count_at = count, self.chip.now
             self._schedule()
+            for place in (0, 1):
+                self.encoder_level(place)
 
     def write_CNT(self, value: int) -> None:
         self._count_from, self._count_at = value & 0xFFFF, self.chip.now
@@ -148,6 +159,35 @@ class Timer(Block):
             self._count_from, self._count_at = 0, self.chip.now
             self._update()
             self._schedule()
+
+    # ---- encoder (15.3.12) ----
+
+    def encoder_level(self, place: int) -> None:
+        """TI1 or TI2 may have another level, which counts when it lasts for the samples of its filter."""
+        if not 1 <= self.value["SMCR"] & 7 <= 3:
+            return
+        self._looked[place] += 1
+        divider, samples = FILTER[self.bit("CCMR1", 4 + 8 * place, 4)]
+        sampling = self.chip.rcc.timer1() << self.bit("CR1", 8, 2)
+        self.chip.after(sampling * divider * samples, partial(self._encoder_edge, place, self._looked[place]))
+
+    def _encoder_edge(self, place: int, look: int) -> None:
+        """Table 85: an edge counts up or down by its direction and the level of the other input."""
+        port, pin = next(name for name, found in ENCODER_PINS.items() if found == (self.number, place))
+        level = self.chip.ports[port].level(pin)
+        if look != self._looked[place] or level == self._inputs[place]:
+            return
+        self._inputs[place] = level
+        selected = self.bit("CCMR1", 0, 2) == self.bit("CCMR1", 8, 2) == 1
+        if not (selected and self.clocked() and self.bit("CR1", 0)):
+            return
+        if self.value["SMCR"] & 7 not in (TI1_EDGES, TI2_EDGES)[place]:
+            return
+        rises = level ^ self.bit("CCER", 1 + 4 * place)
+        other = self._inputs[1 - place] ^ self.bit("CCER", 1 + 4 * (1 - place))
+        up = bool(rises) != bool(other) if place == 0 else bool(rises) == bool(other)
+        self.value["CR1"] = self.value["CR1"] & ~(1 << 4) | (0 if up else 1 << 4)
+        self._count_from = (self._count_from + (1 if up else -1)) % (self.active["ARR"] + 1)
 
     # ---- pins ----
 
@@ -257,6 +297,19 @@ class AdvancedTimer(Timer):
         kept = (0, 0x70FF | 0x300, 0x7FFF, 0x7FFF)[lock]
         self.value["BDTR"] = self.value["BDTR"] & kept | value & 0xFFFF & ~kept
         self.look_at_break()
+
+    def complement(self, channel: int) -> float | None:
+        """Share of the time that OCxN is high, without preloaded modes (CCPC); None where the timer does not drive it
+        (table 83). Enabled alone it is OCxREF, and no dead time takes part."""
+        enables = self.value["CCER"] >> 4 * (channel - 1) & 5
+        on = self.bit("BDTR", 15)
+        if not enables or (not self.bit("BDTR", 11 if on else 10) and (not on or enables == 1)):
+            return None
+        if not on or enables == 1:
+            return 0.0  # off-state, driven: OISxN and CCxNP are 0
+        mode = self.value["CCMR1" if channel < 3 else "CCMR2"] >> 8 * ((channel - 1) % 2) + 4 & 7
+        share = self.active[f"CCR{channel}"] / self.active["ARR"] if mode == 6 and self._running() else 0.0
+        return min(share, 1.0) if enables == 4 else 1.0 - min(share, 1.0)
 
     def driven(self) -> dict[int, float | None]:
         """Share of the time that a phase's high side is on, by phase; None where both its sides are off. Empty while
