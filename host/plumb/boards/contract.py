@@ -144,6 +144,10 @@ class SimulatedBoard(Board, Protocol):
     session: Session
     """The host's conversation with it, until the next restart or reconnect."""
 
+    def hold(self, system: str) -> Session:
+        """Make sure that the image has the system, where the board chooses its image by itself; the chip may be another
+        one afterwards."""
+
     def restart(self) -> Session:
         """Pull the reset pin and connect again; the board then uses its saved parameters."""
 

@@ -43,7 +43,7 @@ def configure_as(board: SimulatedBoard, params: ControlParams, **link: int) -> S
     """Configure the board for these parameters; link: parameters outside the control step, by name. The firmware reads
     strap and pin set only at start: for another pin set the parameters are saved, the strap is rewired and the board is
     restarted."""
-    session = board.session
+    session = board.hold(params.system)
     pins = link.get("pins", 0)
     session.upload(params.words(), **{**params.link_words(), **link, "pins": pins})
     if session.require_match()["PINS"] != pins or session.require_match()["FAULTS"] >> FAULT_STRAP & 1:

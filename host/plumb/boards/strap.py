@@ -19,6 +19,8 @@ PINS = ("PB4", "PB5")
 GROUNDED: dict[str, tuple[str, ...]] = {"standard": (), "bridge": ("PB5",), "quadrotor": ("PB4",), "wheels": PINS}
 BY_PIN_SET = tuple(GROUNDED)
 """Strap settings in the order of the pin sets that they choose (IDENTITY.PINS, parameter pins)."""
+BATTERY_PINS = {"quadrotor": "PB0", "wheels": "PA2"}
+"""Strap setting -> the input of the battery's divider."""
 RISE_US = 100.0
 """Time that the internal pull-up (30 to 50 kOhm, data sheet) needs to lift the wires of the strap: two time constants
 of 50 kOhm and 1 nF."""

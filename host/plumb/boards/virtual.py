@@ -35,13 +35,17 @@ class VirtualBoard(LinkBoard):
         self.image_bytes = self.image.read_bytes()
         self.machine.uart.name = f"the virtual board with {running}"
 
-    def _upload(self, params: ControlParams) -> None:
+    def hold(self, system: str) -> Session:
         """Where no image was named, a system that `all` leaves out gets its own, and the next one `all` again."""
-        if not self._named and params.system not in self.session.require_match().systems:
-            own = params.system if params.system in images.beside_all() else images.ALL
+        if not self._named and system not in self.session.require_match().systems:
+            own = images.running(system)
             self.session.close()
-            self._power(f"the image {own} of the checkout", Path(own) if own != images.ALL else None)
+            self._power(f"the image {own or images.ALL} of the checkout", own)
             self.session = self._connect()
+        return self.session
+
+    def _upload(self, params: ControlParams) -> None:
+        self.hold(params.system)
         super()._upload(params)
 
     def _connect(self) -> Session:

@@ -60,14 +60,15 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.proof.faults.runner import run_all
     from plumb.proof.faults.scene import scenarios_of
     from plumb.proof.faults.text import render
+    from plumb.spec import images
 
-    image = find_image(arguments.image)
     systems = list(dict.fromkeys(arguments.system or tested))
+    image = find_image(arguments.image or images.running(systems[0] if len(systems) == 1 else None))
     scenes = [(system, scenario) for system in systems for scenario in scenarios_of(system)]
     rows = []
     with tqdm(total=len(scenes) * len(faults), desc="faults", unit="fault", leave=False, disable=None) as bar:
         for system, scenario in scenes:
-            rows += run_all(system, faults, image, arguments.phases, bar.update, scenario)
+            rows += run_all(system, faults, arguments.image, arguments.phases, bar.update, scenario)
     if not rows:
         raise UsageError(f"none of these faults applies to {', '.join(systems)}")
     verdict = "pass" if all(row.verdict == "pass" for row in rows) else "fail"

@@ -186,10 +186,12 @@ def _f103(
     from plumb.boards import plant_on_pins
     from plumb.boards.flash_file import MachineSlots, read_slots
     from plumb.boards.pulse_train import on_pin
+    from plumb.boards.strap import BATTERY_PINS
     from plumb.boards.virtual_can import Joint
     from plumb.boards.virtual_machine import open_machine
     from plumb.f103.waveforms import VcdTrace
     from plumb.physics.battery import BATTERY_PIN, Battery
+    from plumb.spec import images
 
     slots = read_slots(arguments.keep) if arguments.keep else b""
     couple = plant_on_pins.coupler(arguments.system, plant) if plant is not None else None
@@ -198,13 +200,14 @@ def _f103(
 
     def attach(machine: Machine) -> None:
         if arguments.battery is not None:
-            machine.adc[BATTERY_PIN] = Battery(arguments.battery).input_v()
+            machine.adc[BATTERY_PINS.get(strap, BATTERY_PIN)] = Battery(arguments.battery).input_v()
         if couple is not None:
             couple(machine)
         if arguments.vcd is not None:
             traces.append(VcdTrace(machine, arguments.vcd))
 
-    machine = open_machine(arguments.image, part, slots=slots, strap=strap, couple=attach)
+    image = arguments.image or images.running(arguments.system)
+    machine = open_machine(image, part, slots=slots, strap=strap, couple=attach)
     if arguments.system and not slots:
         plant_on_pins.boot_configured_as(machine, arguments.system, strap, calibrated=not arguments.hand)
     kept = MachineSlots(machine, arguments.keep) if arguments.keep else None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from plumb.errors import UsageError
 from plumb.spec import declarations
@@ -55,6 +56,11 @@ def beside_all() -> dict[str, Image]:
     """Name -> own image of each system that `all` leaves out: what runs it where no image is named."""
     found = images()
     return {name: found[name] for name, system in declarations.systems().items() if not system.in_all}
+
+
+def running(system: str | None) -> Path | None:
+    """What to give `find_image` where no image is named: the own image of a system that `all` leaves out, else None."""
+    return Path(system) if system is not None and system in beside_all() else None
 
 
 def image(name: str) -> Image:

@@ -71,8 +71,7 @@ class VirtualSteered:
         from plumb.boards.virtual import VirtualBoard
 
         self.period_us = VIRTUAL_PERIOD_US
-        own = Path(system) if system in images.beside_all() else None
-        self.board = self._virtual = VirtualBoard(image or own)
+        self.board = self._virtual = VirtualBoard(image or images.running(system))
         self._system, self._radio, self._begin_s = system, radio, 0.0
 
     def configure(self, params: ControlParams, **words: int) -> Session:

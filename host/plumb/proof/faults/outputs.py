@@ -1,4 +1,4 @@
-"""Measure at the pins when the outputs are unsafe: pulses of speed controllers and gates of the bridge."""
+"""Measure at the pins when the outputs are unsafe: pulses of speed controllers, motors and gates of the bridge."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.machine import PWM_PINS
+from plumb.f103.peripherals.tim1 import LOW_PINS
 from plumb.spec.speed_controllers import FRAME_MAX_US, FRAME_MIN_US, GAP_HALFUS, PULSE_US
 
 if TYPE_CHECKING:
@@ -23,13 +24,15 @@ the pins."""
 
 
 def unsafe(machine: Machine) -> bool:
-    """Whether a motor may turn now: a pulse outside SAFE_PULSE_US on any pin that carries pulses, or a gate of the
-    bridge that is driven on."""
+    """Whether a motor may turn now: a pulse outside SAFE_PULSE_US on any pin that carries pulses, a motor whose PWM is
+    on, or a gate of the bridge that is driven on."""
     shortest, longest = SAFE_PULSE_US
     for pin in PWM_PINS:
         pulse = machine.pwm(pin)
         if pulse.enabled and not shortest <= pulse.pulse_us <= longest:
             return True
+    if any(machine.duty(pin) is not None for pin in LOW_PINS):
+        return True
     bridge = machine.bridge()
     if not bridge.enabled:
         return False

@@ -28,7 +28,7 @@ from plumb.link.identity import Identity
 from plumb.link.session import Session
 from plumb.proof.faults.pilot import Pilot
 from plumb.proof.faults.sample_source import Source
-from plumb.spec import declarations
+from plumb.spec import declarations, images
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.contracts import (
@@ -58,7 +58,7 @@ HELD_BY_ITSELF = "held by itself"
 LINKED = "linked"
 """A feature: another link than the owner's may give the setpoint."""
 PILOT = "pilot"
-"""A feature: a pilot's receiver may arm it."""
+"""A feature: a pilot's receiver may arm it, and it flies."""
 RECEIVER = "receiver"
 FLOWN_WORDS = {"receiver": 1, "calibrated": 1, "battery_min_mv": 10_000}
 """Parameters of a vehicle with a pilot and a battery of three cells."""
@@ -149,7 +149,7 @@ class Scene:
 
     def symbol(self, name: str) -> Symbol:
         """A variable or function of the image, from the ELF file beside it. Raises UsageError without that file."""
-        elf = Elf(find_image(self.image).with_suffix(".elf"))
+        elf = Elf(find_image(self.image or images.running(self.name)).with_suffix(".elf"))
         found = elf.symbols.get(name)
         if found is None:
             raise UsageError(f"{elf.path} has no symbol '{name}': this table belongs to another image")
@@ -157,18 +157,20 @@ class Scene:
 
     @property
     def features(self) -> frozenset[str]:
-        """Parts that a fault can break: analog (sensors on ADC pins), chips (on I2C), bridge, esc (speed controllers);
-        estimate of a system that drives nothing; and the features above."""
+        """Parts that a fault can break: analog (sensors on ADC pins), chips (on I2C), bridge, break (its
+        input), esc (speed controllers); estimate of a system that drives nothing; and the features above."""
         inputs, declared = "analog" if isinstance(self.live, AnalogPins) else "chips", declarations.system(self.name)
         if not systems.load(self.name).OUTPUT_FRAMES:
             return frozenset({inputs, ESTIMATE})
         found = {
             inputs: True,
-            "bridge" if isinstance(self.live, BridgePins) else "esc": True,
+            "bridge": declared.output == "BRIDGE",
+            "break": isinstance(self.live, BridgePins),
+            "esc": declared.output in ("PULSES", "ROTORS"),
             CHECKED: declared.checked_by == "plausibility",
             HELD_BY_ITSELF: not isinstance(self.live, CommandedPins),
             LINKED: declared.command_source == "link",
-            PILOT: declared.command_source == "receiver",
+            PILOT: declared.checked_by == "takeoff",
         }
         return frozenset(name for name, is_there in found.items() if is_there)
 

@@ -17,6 +17,7 @@ LSB_V = 3.3 / 4096
 GYRO, ACCEL_Y, ACCEL_Z = 0, 1, 2
 """Order of ADC_PINS of a system on analog sensors."""
 ANALOG, CHIPS, BRIDGE = frozenset({"analog"}), frozenset({"chips"}), frozenset({"bridge"})
+BREAK = frozenset({"break"})
 HALL_FAULT, BREAK_FAULT, ADC_FAULT = 1 << 5, 1 << 4, 1
 BLOCK_FAULT, BLOCK_IMPLAUSIBLE = 1 << 3, 1 << 11
 DISARMED_BY_FAULT = Told("EVENTS", "disarm_cause", BLOCK_FAULT)
@@ -117,7 +118,7 @@ def hall(state: int) -> Action:
 
 
 def broken(scene: Scene) -> None:
-    """The gate driver pulls the break input."""
+    """The driver pulls the break input."""
     scene.machine.drive(scene.break_pin, False)
 
 
@@ -296,9 +297,12 @@ _HALL = tuple(
     for name, what, inject, told in (
         ("hall-high", "all three Hall inputs high", hall(7), (Told("STATUS", "faults", HALL_FAULT), DISARMED_BY_FAULT)),
         ("hall-low", "all three Hall inputs low", hall(0), (Told("STATUS", "faults", HALL_FAULT), DISARMED_BY_FAULT)),
-        ("break-input", "the gate driver pulls the break input low", broken,
-         (Told("STATUS", "faults", BREAK_FAULT), DISARMED_BY_FAULT)),
     )
 )  # fmt: skip
 
-FAULTS = _ANALOG + _ANGLES + _CHIPS + _ESTIMATES + _HALL
+_BREAK = (
+    Fault("break-input", "sensors", "the driver pulls the break input low", broken, "sensor",
+          (Told("STATUS", "faults", BREAK_FAULT), DISARMED_BY_FAULT), BREAK),
+)  # fmt: skip
+
+FAULTS = _ANALOG + _ANGLES + _CHIPS + _ESTIMATES + _HALL + _BREAK
