@@ -222,7 +222,9 @@ def test_a_real_recording_agrees_in_every_bit(axis: str, capsys: pytest.CaptureF
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("system", "loop", "seconds"), [("quad", (), "3"), ("balancer", ("--open-loop",), "4")])
+@pytest.mark.parametrize(
+    ("system", "loop", "seconds"), [("quad", (), "3"), ("balancer", ("--open-loop",), "4"), ("wheels", (), "4.5")]
+)
 def test_a_live_run_is_armed_on_its_own_sensors_and_verified(
     system: str, loop: tuple[str, ...], seconds: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

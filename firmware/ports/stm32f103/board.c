@@ -107,6 +107,9 @@ void board_init(const board_setup_t *setup) {
     if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
         bridge_start();
     }
+    if (USED_WHEELS && driven == BOARD_PINS_WHEELS) {
+        motors_clear_faults(); /* of the break input, which floated before its pull resistor was on */
+    }
     if (USED_DIGITAL) {
         i2c_init();
         spi_init();
