@@ -1,5 +1,5 @@
 /* The motors of two wheels, behind drivers with a PWM input and two direction inputs (TB6612, VNH5019;
- * docs/systems/wheels.md says what each driver does in each state).
+ * docs/explanation/wheel-drivers.md says what each driver does in each state).
  *
  * The PWM is that of TIM1's complementary outputs alone: with CCxE = 0 and CCxNE = 1, OCxN is OCxREF (RM0008
  * table 83), and no dead time takes part. The break input (PB12) and the clock security system clear MOE in
