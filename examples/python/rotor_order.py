@@ -16,7 +16,10 @@ with plumb.connect(name, system="quadrotor" if name == "native" else None) as bo
     if board.params["receiver"]:
         raise SystemExit("a pilot has the sticks: set receiver=0 first, with plumb params set")
     list(board.stream(seconds=READY_S))  # at rest and level, it is ready then
-    board.arm()
+    try:
+        board.arm()
+    except plumb.PlumbError as refused:
+        raise SystemExit(f"not armed: {refused}") from None
     for corner, (roll, pitch) in CORNERS.items():
         board.set_setpoint(THROTTLE)
         board.set_commands({"roll": roll, "pitch": pitch, "switches": ROTORS_ON})

@@ -179,8 +179,22 @@ def test_one_line_a_second_where_there_is_no_terminal(board: NativeBoard, capsys
     assert all("REALTIME live disarmed  tilt +" in row and "\x1b" not in row for row in rows)
     board.sensors((0,) * 6, faults=0x100)
     assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "1"]) == 0
-    said = re.search(r"  saturated (\d+)  running on the internal oscillator\n$", capsys.readouterr().out)
-    assert said and 45 <= int(said[1]) <= 50  # of 50 steps; the board counts them out every 0.1 s
+    said = re.search(
+        r"  saturated (\d+)  running on the internal oscillator  not armed: (.*)\n$", capsys.readouterr().out
+    )
+    assert said and "the sensors are implausible; " in said[2]
+    assert 45 <= int(said[1]) <= 50  # of 50 steps; the board counts them out every 0.1 s
+
+
+def test_a_line_says_volts_and_why_nothing_is_armed(
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert front.main(["monitor", "--board", "memory", "--seconds", "0.3", "--json"]) == 0
+    seen = {**json.loads(capsys.readouterr().out.splitlines()[-1]), "faults": [], "armed": False}
+    blocked = monitor_line.line({**seen, "battery_v": 7.402, "blocked": ["it moves", "no run"]})
+    assert blocked.endswith("  battery 7.40 V  not armed: it moves; no run")
+    armed = monitor_line.line({**seen, "battery_v": None, "blocked": ["it moves"], "armed": True})
+    assert "battery" not in armed and "it moves" not in armed
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])

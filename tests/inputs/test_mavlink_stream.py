@@ -106,13 +106,14 @@ def test_what_a_ground_station_sends_is_never_read(board: NativeBoard, station: 
 
 def snapshot(**values: object) -> dict[str, Any]:
     names = "armed faults host_lost board_lost host_rejected board_rejected starved_steps saturated_steps bus_failures"
-    return {**dict.fromkeys(names.split()), "faults": [], "step": 7, "time_s": 1.0, **values}
+    battery = {"battery_v": None, "battery_a": None}
+    return {**dict.fromkeys(names.split()), **battery, "faults": [], "step": 7, "time_s": 1.0, **values}
 
 
 def raw_frames(words: list[int]) -> list[Frame]:
     known = protocol()
     found = []
-    for at, name in enumerate(("RAW_A", "RAW_B", "RAW_C", "RAW_D")):
+    for at, name in enumerate(("RAW_A", "RAW_B", "RAW_C", "RAW_D", "RAW_E")[: len(words) // 3]):
         message = known[name]
         found.append((message.identifier, message.pack(0, 0, *words[3 * at : 3 * at + 3])))
     return found
@@ -140,6 +141,35 @@ def test_sticks_and_arming_and_the_axes_of_a_vehicle(station: Any) -> None:
     assert beat.system_status == common.MAV_STATE_ACTIVE
     stream.show(snapshot(time_s=4.0, armed=True, faults=["the sensor is lost"]))
     assert received(station)["HEARTBEAT"][0].system_status == common.MAV_STATE_CRITICAL
+    stream.close()
+
+
+@pytest.mark.parametrize(
+    ("volts", "amperes", "sent"),
+    [(None, None, (0xFFFF, -1)), (11.398, 0.0, (11398, -1)), (7.4, 3.21, (7400, 321)), (99.0, 0.0, (0xFFFE, -1))],
+)
+def test_a_declared_battery_is_in_the_status(
+    station: Any, volts: float | None, amperes: float | None, sent: tuple[int, int]
+) -> None:
+    stream = MavlinkStream(station.port.getsockname(), VEHICLE, None)
+    stream.show(snapshot(battery_v=volts, battery_a=amperes))
+    status = received(station)["SYS_STATUS"][0]
+    assert (status.voltage_battery, status.current_battery) == sent
+    stream.close()
+
+
+def test_a_vehicle_that_leans_and_turns(station: Any) -> None:
+    """Forward and to the left are positive in plumb, negative in MAVLink."""
+    stream = MavlinkStream(station.port.getsockname(), "wheels", systems.load("wheels", MAVLINK))
+    used = protocol()["SETPOINT_USED"]
+    stream.feed([(used.identifier, used.pack(0, 0, 3, 0))])
+    stream.feed(raw_frames([0, 0, 0, 0, 0, 0, 1, 0, 0, 16384, 0, 8192, 1, 5, 0]))
+    stream.show(snapshot(tilt_deg=10.0, turn_rate_dps=20.0))
+    came = received(station)
+    (attitude,), (channels,) = came["ATTITUDE"], came["RC_CHANNELS"]
+    assert math.degrees(attitude.pitch) == pytest.approx(-10.0) and math.isnan(attitude.pitchspeed)
+    assert math.degrees(attitude.yawspeed) == pytest.approx(-20.0)
+    assert [channels.chan1_raw, channels.chan3_raw, channels.chan4_raw, channels.chan5_raw] == [1750, 1000, 1375, 2000]
     stream.close()
 
 

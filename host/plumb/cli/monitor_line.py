@@ -73,4 +73,7 @@ def line(s: Snapshot) -> str:
         words.append(f"pulses {pulses(s)}")
     if s["step"] is not None:
         words.append(f"step {s['step']}")
-    return "  ".join(words + trouble)
+    if s["battery_v"] is not None:
+        words.append(f"battery {s['battery_v']:.2f} V")
+    blocked = [f"not armed: {'; '.join(s['blocked'])}"] if s["blocked"] and not s["armed"] else []
+    return "  ".join(words + trouble + blocked)

@@ -1,7 +1,7 @@
 """Send what a board says as MAVLink 2 in UDP datagrams, for ground stations; nothing is received.
 
 HEARTBEAT     once a second: kind of vehicle, armed or not, state
-SYS_STATUS    once a second: sensors, receiver, counters of the link
+SYS_STATUS    once a second: sensors, voltage and current of a declared battery, counters of the link
 ATTITUDE      with every look: angles, and rates where they are received
 RC_CHANNELS   with every look: the sticks that the newest step used, of a system with a pilot
 """
@@ -133,12 +133,16 @@ class MavlinkStream:
         known = self._dialect
         sensors = known.MAV_SYS_STATUS_SENSOR_3D_GYRO | known.MAV_SYS_STATUS_SENSOR_3D_ACCEL
         healthy = 0 if snapshot["faults"] else sensors
+        volts, amperes = snapshot["battery_v"], snapshot["battery_a"]
+        voltage_mv = NO_VOLTAGE if volts is None else min(round(1e3 * volts), NO_VOLTAGE - 1)
+        # a board without a sensor of the current says 0 A
+        current_10ma = round(100.0 * amperes) if amperes else NO_CURRENT
         lost = _count(snapshot["host_lost"]) + _count(snapshot["board_lost"])
         rejected = _count(snapshot["host_rejected"]) + _count(snapshot["board_rejected"])
         counted = (_count(snapshot[name]) for name in ("starved_steps", "saturated_steps", "bus_failures"))
         self._send(
             self._packer.sys_status_encode(
-                sensors, sensors, healthy, 0, NO_VOLTAGE, NO_CURRENT, NO_BATTERY, 0, min(lost + rejected, MOST),
+                sensors, sensors, healthy, 0, voltage_mv, current_10ma, NO_BATTERY, 0, min(lost + rejected, MOST),
                 *counted, 0,
             )
         )  # fmt: skip

@@ -17,6 +17,8 @@ Values = Mapping[str, float | None]
 UNKNOWN = math.nan
 MIDDLE_US, HALF_US, LOW_US, SPAN_US = 1500.0, 500.0, 1000.0, 1000.0
 """Of a channel of a radio receiver."""
+FULL = 32767.0
+"""Of a stick among the commands of a step."""
 
 
 class Attitude(NamedTuple):
@@ -50,6 +52,27 @@ class MavlinkVehicle(Protocol):
 
 
 MAVLINK = Part[MavlinkVehicle]("mavlink", MavlinkVehicle, without="a ground station has no picture of it")
+
+
+def of_tilt(values: Values, *, yawspeed_radps: float = UNKNOWN) -> Attitude | None:
+    """From the columns of a vehicle that leans about its axle, forward positive: its lean is pitch; roll and yaw are
+    0."""
+    tilt, rate_dps = values.get("tilt_deg"), values.get("rate_dps")
+    rate = UNKNOWN if rate_dps is None else math.radians(rate_dps)
+    if tilt is None:
+        return None
+    return Attitude(0.0, -math.radians(tilt), 0.0, pitchspeed_radps=-rate, yawspeed_radps=yawspeed_radps)
+
+
+def sticks(setpoint: int | None, commands: Mapping[str, int]) -> tuple[float, ...]:
+    """Channels of a system whose receiver gives a throttle as setpoint, and roll, pitch, yaw and switches as commands;
+    () while one of them is not known."""
+    if setpoint is None or not commands:
+        return ()
+    roll, pitch, yaw = (commands[name] / FULL for name in ("roll", "pitch", "yaw"))
+    throttle = LOW_US + SPAN_US * max(setpoint, 0) / FULL
+    switches = [LOW_US + SPAN_US * (commands["switches"] >> bit & 1) for bit in range(2)]
+    return MIDDLE_US + HALF_US * roll, MIDDLE_US + HALF_US * pitch, throttle, MIDDLE_US - HALF_US * yaw, *switches
 
 
 def of_quaternion(values: Values, names: tuple[str, str, str, str]) -> Attitude | None:

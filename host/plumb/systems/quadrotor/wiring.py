@@ -45,7 +45,7 @@ NOTES = (
     "The strap chooses the pin set at the start: PB4 to GND, PB5 open. The parameters agree with it after",
     "plumb params tuning quadrotor --save.",
     "10 kΩ to GND at every signal: during a reset nothing else keeps it low.",
-    "Speed controllers, plain PWM of 50 to 490 Hz, taught 1000 to 2000 us; their red wires stay open.",
+    "Speed controllers, plain PWM of 50 to 490 Hz, taught 1000 to 2000 us. One red wire may feed 5V, without USB then.",
     "Seen from above, front right and rear left turn clockwise, the others counter-clockwise.",
     "The receiver is used after plumb params set receiver=1 --save; with 3 for PPM.",
     DIVIDER_NOTE,
