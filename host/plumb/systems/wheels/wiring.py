@@ -56,24 +56,25 @@ NOTES = (
     SWITCH_NOTE,
 )
 
-TB6612 = (
-    Device(
-        "TB6612FNG, channel A: left motor",
-        (
-            Wire("STBY: a switch, closed to 3V3", "PB12", INPUT, PULL_DOWN),
-            Wire("AIN2", "PB13", OUTPUT, PULL_DOWN),
-            Wire("PWMA", "PB14", OUTPUT, PULL_DOWN),
-            Wire("PWMB, of channel B", "PB15", OUTPUT, PULL_DOWN),
-            Wire("AIN1", "PA8", OUTPUT, PULL_DOWN),
-            Wire("VCC, GND", "3V3 GND"),
-        ),
-        -1,
-    ),
-    Device(
-        "TB6612FNG, channel B: right motor",
-        (Wire("BIN2", "PB1", OUTPUT, PULL_DOWN), Wire("BIN1", "PB0", OUTPUT, PULL_DOWN)),
-        3.8,
-    ),
+
+def drivers(titles: tuple[str, str], off: Wire, inputs: tuple[str, ...], *supplies: Wire) -> tuple[Device, ...]:
+    """The boxes of both motors' drivers, left and right. off: what PB12 is on; inputs: names of PWM, directions forward
+    and backward of the left motor, then of the right one; supplies: of the left box, and
+    of the right one where it has its own."""
+    pwm_left, forward_left, backward_left, pwm_right, forward_right, backward_right = inputs
+    left = ((backward_left, "PB13"), (pwm_left, "PB14"), (pwm_right, "PB15"), (forward_left, "PA8"))
+    right = ((backward_right, "PB1"), (forward_right, "PB0"))
+    return (
+        Device(titles[0], (off, *(Wire(name, pin, OUTPUT, PULL_DOWN) for name, pin in left), supplies[0]), -1),
+        Device(titles[1], (*(Wire(name, pin, OUTPUT, PULL_DOWN) for name, pin in right), *supplies[1:]), 3.8),
+    )
+
+
+TB6612 = drivers(
+    ("TB6612FNG, channel A: left motor", "TB6612FNG, channel B: right motor"),
+    Wire("STBY: a switch, closed to 3V3", "PB12", INPUT, PULL_DOWN),
+    ("PWMA", "AIN1", "AIN2", "PWMB, of channel B", "BIN1", "BIN2"),
+    Wire("VCC, GND", "3V3 GND"),
 )
 TB6612_NOTES = (
     "Disarmed, PWM and both directions are low. The data sheet gives IN1 = IN2 = L with PWM = H alone: outputs off, the"
@@ -84,28 +85,12 @@ TB6612_NOTES = (
     " PWM = L).",
     "Motors of up to 13.5 V; 1.2 A mean, 3.2 A peak a channel.",
 )
-VNH5019 = (
-    Device(
-        "VNH5019 of the left motor",
-        (
-            Wire("EN/DIAG, both of both boards", "PB12", INPUT, "3.3 kΩ to 3V3"),
-            Wire("INB", "PB13", OUTPUT, PULL_DOWN),
-            Wire("PWM", "PB14", OUTPUT, PULL_DOWN),
-            Wire("PWM of the right board", "PB15", OUTPUT, PULL_DOWN),
-            Wire("INA", "PA8", OUTPUT, PULL_DOWN),
-            Wire("VDD, GND", "3V3 GND"),
-        ),
-        -1,
-    ),
-    Device(
-        "VNH5019 of the right motor",
-        (
-            Wire("INB", "PB1", OUTPUT, PULL_DOWN),
-            Wire("INA", "PB0", OUTPUT, PULL_DOWN),
-            Wire("VDD, GND", "3V3 GND"),
-        ),
-        3.8,
-    ),
+VNH5019 = drivers(
+    ("VNH5019 of the left motor", "VNH5019 of the right motor"),
+    Wire("EN/DIAG, both of both boards", "PB12", INPUT, "3.3 kΩ to 3V3"),
+    ("PWM", "INA", "INB", "PWM of the right board", "INA", "INB"),
+    Wire("VDD, GND", "3V3 GND"),
+    Wire("VDD, GND", "3V3 GND"),
 )
 VNH5019_NOTES = (
     "Disarmed, PWM and both directions are low. INA = INB = L takes the low sides, PWM = L turns both off: all four"
