@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from plumb.link.sample_codec import sample_frames
+from plumb.link.sample_codec import InputLayout, sample_frames
 from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol
 
@@ -15,10 +15,11 @@ KEPT = 64
 
 @dataclass
 class Source:
-    """Sends a sample every period. counts: the counts at a time in s. circle: number of its last samples that it
-    repeats again and again; 0: new samples."""
+    """Sends a sample every period. counts: the counts at a time in s, layout: of the system's inputs.
+    circle: number of its last samples that it repeats again and again; 0: new samples."""
 
     counts: Callable[[float], Sequence[int]]
+    layout: InputLayout
     period_s: float
     next_s: float
     number: int = 0
@@ -33,7 +34,7 @@ class Source:
             if self.circle:
                 frames = self.sent[-self.circle]
             else:
-                frames = sample_frames(protocol(), self.number, self.counts(self.next_s))
+                frames = sample_frames(protocol(), self.number, self.counts(self.next_s), layout=self.layout)
                 self.number += 1
             self.sent = [*self.sent[1 - KEPT :], frames]
             session.frames.write_frames(frames)

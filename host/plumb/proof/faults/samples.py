@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from plumb import systems
 from plumb.link import parameter_table
+from plumb.link.sample_codec import layout_of
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.sample_source import Source
@@ -48,7 +49,7 @@ def injected(scene: Scene) -> None:
     measured = zip(channels, drawn.counts()[0], strict=False)
     still = [(int(count), NOISE_LSB if channel.calibration else 0.0) for channel, count in measured]
     scene.session.begin("REALTIME_INJECTED", frames=parts.FRAMES)
-    scene.source = Source(at_rest(still), table["period_us"] * 1e-6, scene.now_s)
+    scene.source = Source(at_rest(still), layout_of(scene.name), table["period_us"] * 1e-6, scene.now_s)
     scene.run(0.1)
     arm(scene)
     scene.session.set_setpoint(SETPOINT)

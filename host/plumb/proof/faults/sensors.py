@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from plumb.f103.attached.mpu6050 import Mpu6050
 from plumb.link import parameter_table
 from plumb.link.identity import SENSOR_CAUSES
 from plumb.proof.faults.fault import Action, Fault
@@ -95,14 +96,15 @@ def felt(which: str, world: Callable[[tuple[float, float, float]], tuple[float, 
 
     def inject(scene: Scene) -> None:
         target = getattr(scene.coupling, which)
-        level = world(target.source(scene.machine.now_s))
+        measured = "forces" if which == "accel" and isinstance(target, Mpu6050) else "source"
+        level = world(getattr(target, measured)(scene.machine.now_s))
         added = [noise(f"{which} {axis}", sigma) for axis in range(3)]
 
         def source(time_s: float) -> tuple[float, float, float]:
             x, y, z = (value + one(time_s) for value, one in zip(level, added, strict=True))
             return x, y, z
 
-        target.source = source
+        setattr(target, measured, source)
 
     return inject
 
