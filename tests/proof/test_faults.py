@@ -50,11 +50,11 @@ SAMPLES = {
         "flown-disarm", "flown-switched-off", "flown-sensor-gone", "flown-sensor-lost",
     ),
     "WHEELS": (
-        "crash-without-reset", "crystal-fails", "host-silent", "loop-hangs", "break-input", "gyro-silent", "accel-at-2g",
-        "samples-cease",
+        "crash-without-reset", "crystal-fails", "host-silent", "loop-hangs", "break-input", "gyro-silent",
+        "accel-at-2g", "samples-cease",
     ),
 }  # fmt: skip
-"""Kind of output -> rows of a vehicle that the short form runs: the timer and the pins of the others are not its own."""
+"""Kind of output -> rows of a vehicle that the short form runs: timer and pins of the others are not its own."""
 VEHICLES = [name for name in DRIVEN if declarations.system(name).output in SAMPLES]
 
 
