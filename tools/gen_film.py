@@ -1,9 +1,9 @@
-"""Write docs/images/flight.webp: what `plumb fly` shows of the scenes in tools/films, as a browser draws it.
+"""Write docs/images/flight.webp: what `plumb fly` and `plumb ride` show of the scenes in tools/films.
 
     .venv/bin/python tools/gen_film.py [SCENE ...]
 
-Needs Chromium or Chrome, and Pillow. A gamepad of the page flies by the script of a scene. Board, page and pictures run
-at a share of real time, so that a machine without a GPU draws every picture; the film runs at the speed of the flight.
+Needs Chromium or Chrome, and Pillow. A gamepad of the page steers by the script of a scene. Board, page and pictures
+run at a share of real time, so that a machine without a GPU draws every picture; the film runs at the vehicle's speed.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ SCRIPT = """
 SHARP = "import('./scene.js').then(({ Scene }) => { Scene.prototype.judge = () => {}; })"
 """A machine that draws slowly keeps all its pixels."""
 HIDDEN = ("rate", "log", "gamepad", "new")
-"""What does not belong to the flight."""
+"""What does not belong to the film."""
 
 
 @dataclass(frozen=True)
 class Move:
-    """What the pilot does at a time of the scene."""
+    """What the hands do at a time of the scene."""
 
     at_s: float
     axes: dict[str, float] | None = None
@@ -85,14 +85,14 @@ def scene_of(path: Path) -> Scene:
 
 
 class SlowPace(Pace):
-    """Holds a flight back to a share of real time."""
+    """Holds a trip back to a share of real time."""
 
     def keep(self, now_s: float, _most_s: float) -> None:
         ahead_s = (now_s - self._begin_s) / SHARE - (time.monotonic() - self._begin_wall_s)
         time.sleep(max(0.0, ahead_s))
 
 
-class SlowFlight(TripLoop):
+class SlowTrip(TripLoop):
     def begin(self) -> None:
         super().begin()
         self._pace = SlowPace(self._begun_s)
@@ -113,7 +113,7 @@ def filmed(scene: Scene) -> list[Image.Image]:
     transmitter.LOST_S = HOLD_S  # a picture takes longer than a pilot's receiver waits
     pictures = []
     with tempfile.TemporaryDirectory() as folder, Chromium() as chromium:
-        loop = SlowFlight(scene.system, scene.seed, Hold(HOLD_S), folder=Path(folder))
+        loop = SlowTrip(scene.system, scene.seed, Hold(HOLD_S), folder=Path(folder))
         with steering(loop) as server:
             page = chromium.open(server.watch_address)
             page.call("Page.enable")
@@ -143,7 +143,7 @@ def filmed(scene: Scene) -> list[Image.Image]:
     return pictures
 
 
-def do(page: Page, loop: SlowFlight, move: Move) -> None:
+def do(page: Page, loop: SlowTrip, move: Move) -> None:
     if move.axes is not None:
         values = [0.0] * 4
         for name, value in move.axes.items():

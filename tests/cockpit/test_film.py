@@ -67,5 +67,6 @@ def test_a_scene_names_what_there_is(path: Path) -> None:
         assert {move.get("click", "lost")} <= events and {move.get("press", "mode")} <= buttons
 
 
-def test_there_is_a_scene() -> None:
-    assert SCENES
+def test_it_shows_all_that_can_be_steered() -> None:
+    shown = {tomllib.loads(path.read_text(encoding="utf-8"))["system"] for path in SCENES}
+    assert shown and {name for part in PARTS for name in systems.with_part(part.name)} <= shown
