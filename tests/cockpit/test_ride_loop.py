@@ -95,4 +95,6 @@ def test_a_rider_who_leaves_stops_it(bench: TripBench, controls: Controls) -> No
     bench.turn(1.0, on=True)
     assert "the rider has left" in str(bench.loop.state["said"])
     bench.turn(2.0, on=True)
-    assert not bench.loop.state["armed"] and not any(bench.loop.scene["motors"])  # type: ignore[arg-type]
+    state = bench.loop.state
+    assert not state["armed"] and not any(bench.loop.scene["motors"])  # type: ignore[arg-type]
+    assert str(state["why"]).startswith("disarmed: ") and "rider" in str(state["why"]), state["why"]

@@ -39,7 +39,8 @@ class Shape:
     along y; `propeller` with the radius of its disc and the width of a blade. turn_rad: about z, before it is moved to
     at_m. motor: number of the motor that turns it, -1: none does; a propeller turns about z by the motor's share, all
     else about y by its angle in `Seen.turned_rad`. spin: of a propeller, 1 counter-clockwise seen from above, -1 the
-    other way. without: the event during which it is not there; during: the one during which alone it is.
+    other way. without: the event during which it is not there; during: the one during which alone it is,
+    and then it turns with the heading alone, as what is on the ground.
     """
 
     kind: str

@@ -90,6 +90,7 @@ class TripLoop(BoardRun):
         self._begun_s = self._stated_s = 0.0
         self._rests_s: float | None = None
         self._went = self._over = self._closed = False
+        self._was_armed = self._disarmed = False  # by itself, while the switch has been on
         self._period_us = self._steered_board.period_us
         params = quantise(replace(self._steered.TUNING, period_us=self._period_us))
         self._estimated = 0
@@ -181,7 +182,7 @@ class TripLoop(BoardRun):
         super().begin()
         self._rests_s = None
         self._begin_estimates()
-        self._went = self._over = False
+        self._went = self._over = self._was_armed = self._disarmed = False
         self._begun_s = self._session.clock()
         self._pace = Pace(self._begun_s)
 
@@ -203,8 +204,10 @@ class TripLoop(BoardRun):
 
     def _judge(self) -> None:
         """The beginning of a record, and the end of a trip."""
-        now_s = self._session.clock()
-        if self._armed and not self._went:
+        now_s, armed = self._session.clock(), self._armed
+        self._disarmed = self.transmitter.sticks.on and (self._disarmed or (self._was_armed and not armed))
+        self._was_armed = armed
+        if armed and not self._went:
             self._went = True
             self.trips += 1
             self.recording.start(self.board, self._words)
@@ -292,7 +295,9 @@ class TripLoop(BoardRun):
     @property
     def _why(self) -> str:
         """Why the switch does not turn the motors on; "" while it is off, or they are on."""
-        return in_the_way(self._session) if self.transmitter.sticks.on and not self._armed else ""
+        if not self.transmitter.sticks.on or self._armed:
+            return ""
+        return f"disarmed: {why_disarmed(self._session)}" if self._disarmed else in_the_way(self._session)
 
     def _describe(self) -> dict[str, object]:
         light = self._comparison.light(self._session.clock())

@@ -69,7 +69,8 @@ export class Scene {
     this.away = drawing.away_m;
     this.dome = dome;
     this.field = field;
-    this.vehicle = solidVehicle(gl, haze, drawing.shapes);
+    this.vehicle = solidVehicle(gl, haze, drawing.shapes.filter(({ during }) => !during));
+    this.below = solidVehicle(gl, haze, drawing.shapes.filter(({ during }) => during));  // does not lean
     this.ghosts = Object.fromEntries(Object.entries(GHOSTS).map(([name, colour], at) => {
       const ghost = ghostVehicle(gl, haze, drawing.shapes, shared[colour].value), size = GHOST_SIZE + 0.04 * at;
       ghost.scale.set(size, size, size);
@@ -79,7 +80,7 @@ export class Scene {
     this.shadow = shadowVehicle(gl, haze, drawing.shapes, shared.shade.value);
     this.stalk = new Mesh(gl, { geometry: new Cylinder(gl, { radiusTop: 0.003, radiusBottom: 0.003, height: 1 }), program: shade(shared.line, { alpha: 0.6, lit: 0 }) });
     this.arrow = this.windArrow(shade(shared.wind));
-    for (const part of [dome, field, this.vehicle, this.shadow.flat, this.stalk, this.arrow]) part.setParent(root);
+    for (const part of [dome, field, this.below, this.vehicle, this.shadow.flat, this.stalk, this.arrow]) part.setParent(root);
     this.plantTrees(root);
     this.line = this.trailLine(shade(shared.mark, { alpha: 0.7, lit: 0 }));
     this.line.setParent(root);
@@ -161,8 +162,10 @@ export class Scene {
   place(seconds, { motors, wind, estimate, rivals, happening }) {
     const { position, attitude, estimate: guessed } = this.shown, [x, y, z] = position;
     this.vehicle.pose(position, attitude);
+    const half = headingOf(attitude) / 2;
+    this.below.pose(position, [Math.cos(half), 0, 0, Math.sin(half)]);
     this.vehicle.turn(motors, seconds);
-    for (const one of [this.vehicle, this.shadow.vehicle, ...Object.values(this.ghosts)]) one.set(this.shown.turned, happening);
+    for (const one of [this.vehicle, this.below, this.shadow.vehicle, ...Object.values(this.ghosts)]) one.set(this.shown.turned, happening);
     for (const [name, ghost] of Object.entries(this.ghosts)) {
       ghost.visible = this.wanted.has(name) && Boolean(name === "estimate" ? estimate : rivals[name]);
       if (ghost.visible) ghost.pose(position, name === "estimate" ? guessed : leaned(attitude, rivals[name]));

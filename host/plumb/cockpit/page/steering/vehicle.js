@@ -79,7 +79,7 @@ export function ghostVehicle(gl, haze, shapes, colour) {
 
 // Lies flat on the ground: its parent is squeezed along z.
 export function shadowVehicle(gl, haze, shapes, colour) {
-  const program = solid(gl, haze, colour, { lit: 0 }), flat = new Transform(), vehicle = new Vehicle(gl, shapes, () => program);
+  const program = solid(gl, haze, colour, { lit: 0 }), flat = new Transform(), vehicle = new Vehicle(gl, shapes.filter(({ during }) => !during), () => program);
   flat.scale.set(1, 1, 0.0005);
   flat.position.z = 0.004;
   vehicle.setParent(flat);
