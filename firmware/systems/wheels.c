@@ -54,12 +54,15 @@ KERNEL bool listen(plumb_wheels_words_t *w, uint32_t lost_steps, int32_t receive
     return number != 0U && ((receiver & PLUMB_WHEELS_FAILSAFE) != 0 || w->age_steps >= lost_steps);
 }
 
-/* Whether somebody rides, and what happens when the rider has left. */
-KERNEL void decide(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool present) {
+/* Whether somebody rides, and what happens when the rider has left. Switched off, the controllers are at
+ * rest, so that no integral grows while a hand holds the vehicle. */
+KERNEL void decide(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool present, bool on) {
     const uint32_t before = w->phase;
     w->absent_steps = present ? 0U : min_u32(w->absent_steps + 1U, STEPS_MOST);
     w->phase_steps = min_u32(w->phase_steps + 1U, STEPS_MOST);
-    if (before == PLUMB_WHEELS_STOPPED) {
+    if (!on) {
+        w->phase = PLUMB_WHEELS_STOPPED;
+    } else if (before == PLUMB_WHEELS_STOPPED) {
         if (present && abs_u32(w->tilt_turn_q32) <= q->up_turn_q32)
             w->phase = PLUMB_WHEELS_RIDDEN;
     } else if (w->absent_steps < q->absent_steps) {
@@ -131,7 +134,8 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     w->step++;
 
     const bool lost = listen(w, q->lost_steps, raw[RECEIVER]);
-    decide(w, q, raw[RIDER] > 0);
+    const bool on = w->receiver_number == 0U || ((uint32_t)raw[SWITCHES] & PLUMB_WHEELS_MOTORS_ON) != 0U;
+    decide(w, q, raw[RIDER] > 0, on);
     const bool obeys = w->phase == PLUMB_WHEELS_RIDDEN && !lost;
     const int32_t speed = w->receiver_number != 0U ? raw[PITCH] : setpoint_speed_q15;
     w->asked_mps_q26 = obeys ? by_stick(speed, p->drive.speed_max_mps_q26) : 0;
@@ -151,9 +155,9 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     take_balancer(w, b);
 
     flags |= b->flags;
-    w->stop_reason = (w->phase == PLUMB_WHEELS_STOPPED ? PLUMB_WHEELS_STOP_RIDER : 0U) |
+    w->stop_reason = (on && w->phase == PLUMB_WHEELS_STOPPED ? PLUMB_WHEELS_STOP_RIDER : 0U) |
                      ((flags & PLUMB_WHEELS_FLAG_FALLEN) != 0U ? PLUMB_WHEELS_STOP_FALLEN : 0U);
-    const bool drives = w->stop_reason == 0U;
+    const bool drives = on && w->stop_reason == 0U;
     rate_loop_step(&w->turn, &p->turn, INT32_MAX, q->integral_max_q30, w->asked_turnps_q28,
                    w->turn_rate_turnps_q28,
                    !drives ? RATE_LOOP_OFF

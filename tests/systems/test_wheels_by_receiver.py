@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from plumb.spec import crsf
+from plumb.systems.wheels import rides
 from support.ridden_board import ON, Ridden
 
 GENTLY = crsf.sticks(pitch=0.4, yaw=0.3, on=True)
@@ -20,6 +21,19 @@ def test_a_rider_is_armed_by_the_receivers_switch_and_drives() -> None:
     assert ride.driven and abs(ride.plant.vehicle.tilt_rad) < 0.2
     assert ride.plant.vehicle.velocity_mps == pytest.approx(0.4, abs=0.15)
     assert ride.plant.truth(ride.time_s)["turn_dps"] == pytest.approx(27.0, abs=6.0)
+
+
+def test_a_vehicle_that_was_held_for_long_starts_without_a_jerk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No integral grows while the receiver's switch is off."""
+    monkeypatch.setattr(rides, "HELD_S", 10.0)
+    ride = Ridden()
+    ride.passes(9.0)
+    ride.sends = ON
+    duties = []
+    for _ in range(30):
+        ride.passes(0.01)
+        duties += [abs(duty) for duty in ride.wires.wheel_duty_q15 if ride.driven]
+    assert duties and max(duties) < 0.05 * 32768
 
 
 def test_a_silent_receiver_stops_the_vehicle_and_keeps_it_upright() -> None:

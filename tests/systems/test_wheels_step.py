@@ -18,7 +18,7 @@ from plumb.tuning.quantise import quantise
 
 PARAMS = quantise(wheels.STEERED)
 DECLARED = declarations.system("wheels")
-UP = {"accel_z": 2048}
+UP = {"accel_z": 2048, "switches": fixed.MOTORS_ON}
 STOPPED, RIDDEN, STOPPING = fixed.STOPPED, fixed.RIDDEN, fixed.STOPPING
 
 
@@ -89,6 +89,18 @@ def test_who_steers(inputs: Mapping[str, int], speed: int, asked: tuple[float, f
     words = run(3, speed, **inputs)
     found = words["asked_mps_q26"][-1] / 2**26, words["asked_turnps_q28"][-1] / 2**28 * 360.0
     assert found == pytest.approx(asked, abs=0.01)
+
+
+def test_switched_off_no_integral_grows_and_no_rider_is_missed() -> None:
+    switches = np.zeros(80)
+    switches[60:] = fixed.MOTORS_ON
+    words = run(len(switches), switches=switches, receiver=1 + np.arange(80), pitch=16384, yaw=16384, accel_x=-300)
+    off, on = slice(0, 60), slice(60, None)
+    for name in ("phase", "stop_reason", "duty_left_q15", "duty_right_q15", "asked_mps_q26", "turn_integral_q30"):
+        assert not words[name][off].any(), name
+    assert set(words["phase"][on].tolist()) == {RIDDEN} and words["duty_left_q15"][on].all()
+    by_link = run(20, switches=0)
+    assert set(by_link["phase"].tolist()) == {RIDDEN}, "without a receiver there is no such switch"
 
 
 def test_a_silent_receiver_is_lost_and_heard_again() -> None:

@@ -29,6 +29,8 @@ extern "C" {
 #define PLUMB_WHEELS_NUMBER_MASK 255 /* of the command `receiver`: number of its newest frame */
 #define PLUMB_WHEELS_FAILSAFE    256 /* and: it says that it has lost the transmitter */
 
+#define PLUMB_WHEELS_MOTORS_ON 1U /* of the command `switches` */
+
 /* Word `phase`. */
 #define PLUMB_WHEELS_STOPPED                                                                                 \
     0U /* both duties 0, both controllers at rest: nobody rides; at the start, too                           \

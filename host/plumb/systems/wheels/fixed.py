@@ -18,7 +18,8 @@ from plumb.systems.balancer import fixed as balancer
 STOPPED, RIDDEN, STOPPING = range(3)
 STOP_FALLEN, STOP_RIDER = 32, 64
 GYRO, ACCEL_X, ACCEL_Z, GYRO_UP, LEFT, RIGHT, RIDER = range(7)
-ROLL, PITCH, YAW, _SWITCHES, RECEIVER = range(9, 14)
+ROLL, PITCH, YAW, SWITCHES, RECEIVER = range(9, 14)
+MOTORS_ON = 1
 FULL_Q15, STEPS_MOST = 32767, 65535
 BIAS_MOST = 1 << 27
 """turn/s Q28."""
@@ -74,7 +75,7 @@ def listen(c: ControlState, p: Params, receiver: Integer) -> Integer:
     return (number != 0) & (((receiver & 256) != 0) | (c.age >= p["wheels.lost_steps"]))
 
 
-def decide(c: ControlState, p: Params, present: Integer) -> None:
+def decide(c: ControlState, p: Params, present: Integer, on: Integer) -> None:
     """The phase of this step, from the tilt of the step before."""
     before = c.phase
     c.absent = select(present, 0 * c.absent, clamp(c.absent + 1, 0, STEPS_MOST))
@@ -84,7 +85,8 @@ def decide(c: ControlState, p: Params, present: Integer) -> None:
     over = c.phase_steps > p["wheels.stopping_steps"]
     left = select(before == RIDDEN, 0 * before + STOPPING, select(over, 0 * before + STOPPED, before))
     driven = select(stays, 0 * before + RIDDEN, left)
-    c.phase = select(before == STOPPED, select(takes, 0 * before + RIDDEN, before), driven)
+    ridden = select(before == STOPPED, select(takes, 0 * before + RIDDEN, before), driven)
+    c.phase = select(on, ridden, 0 * before + STOPPED)
     c.phase_steps = select(c.phase == before, c.phase_steps, 0 * c.phase_steps)
 
 
@@ -123,7 +125,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     left, right = (select(first, 0 * now, wrap_i16(now - last)) for now, last in zip(counts, c.counts, strict=True))
     c.counts = counts
     lost = listen(c, p, raw[RECEIVER])
-    decide(c, p, raw[RIDER] > 0)
+    on = (c.number == 0) | ((raw[SWITCHES] & MOTORS_ON) != 0)
+    decide(c, p, raw[RIDER] > 0, on)
     obeys = (c.phase == RIDDEN) & (lost == 0)
     speed = select(c.number != 0, raw[PITCH], clamp(setpoint, -FULL_Q15, FULL_Q15))
     none = 0 * c.phase
@@ -142,8 +145,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.tilt, duty = record[BALANCER_TILT], record[BALANCER_DUTY]
 
     flags = record[-2] | turn_flags
-    stop_reason = select(stopped, STOP_RIDER, 0) | select((flags & FALLEN) != 0, STOP_FALLEN, 0)
-    drives = stop_reason == 0
+    stop_reason = select(on & stopped, STOP_RIDER, 0) | select((flags & FALLEN) != 0, STOP_FALLEN, 0)
+    drives = on & (stop_reason == 0)
     shared = Conditions((1 << 31) - 1, p["wheels.integral_max_q30"], drives, slips == 0)
     rate_loop_step(c.turn, p, "turn", shared, asked_turn, rate)
     room = p["drive.duty_max_q15"] - abs(duty)

@@ -15,7 +15,7 @@ from plumb.systems.wheels import rides
 from plumb.systems.wheels.drawn_run import Prescribed, Scenario
 from plumb.systems.wheels.vehicle import GRID_S, GRIP, Outside, Vehicle
 
-FULL_Q15 = 32767
+FULL_Q15, MOTORS_ON = 32767, 1
 SPEED_MAX_MPS, TURN_MAX_DPS = 1.0, 90.0
 """What full sticks ask for."""
 FRAME_S, NUMBERS = 1.0 / 150.0, 255
@@ -113,7 +113,7 @@ class WheelsPlant:
         speed, turn = self.asked((frame - 1) * FRAME_S if frame else time_s)
         pitch = round(FULL_Q15 * speed / SPEED_MAX_MPS) if frame else 0
         yaw = round(FULL_Q15 * turn / TURN_MAX_DPS)
-        return 0, pitch, yaw, 0, (frame - 1) % NUMBERS + 1 if frame else 0, 0
+        return 0, pitch, yaw, MOTORS_ON if frame else 0, (frame - 1) % NUMBERS + 1 if frame else 0, 0
 
     def truth(self, time_s: float) -> dict[str, float]:
         """True tilt, gyro bias about the axle, rate, velocity, turn rate, and what is asked for."""

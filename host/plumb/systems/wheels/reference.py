@@ -48,12 +48,14 @@ class Rider:
         late = self.age >= round(tuning.riding.lost_s / tuning.period_s)
         return not number or not (receiver & 256 or late)
 
-    def step(self, tuning: WheelsTuning, present: bool, tilt_deg: float) -> int:
+    def step(self, tuning: WheelsTuning, present: bool, tilt_deg: float, on: bool) -> int:
         """The phase of this step."""
         riding, before = tuning.riding, self.phase
         self.absent = 0 if present else self.absent + 1
         self.phase_steps += 1
-        if before == STOPPED:
+        if not on:
+            self.phase = STOPPED
+        elif before == STOPPED:
             if present and abs(tilt_deg) <= riding.up_deg:
                 self.phase = RIDDEN
         elif self.absent < round(riding.absent_s / tuning.period_s):
@@ -136,9 +138,10 @@ def one_run(tuning: WheelsTuning, raw: FloatArray, setpoint: FloatArray) -> Floa
     state, rider, loop = balancer.ControlState(kernels.kalman_init(own.start)), Rider(), TurnLoop()
     found, tilt_deg = np.zeros((len(raw), len(NAMES))), 0.0
     wheel, hall = balancer.WheelState(), 0.0
-    for step, (roll, pitch, yaw, _, receiver) in enumerate(raw[:, 9:14].astype(int).tolist()):
+    for step, (roll, pitch, yaw, switches, receiver) in enumerate(raw[:, 9:14].astype(int).tolist()):
         heard = rider.hears(tuning, receiver)
-        phase = rider.step(tuning, bool(raw[step, 6] > 0), tilt_deg)
+        on = not rider.number or bool(switches & 1)
+        phase = rider.step(tuning, bool(raw[step, 6] > 0), tilt_deg, on)
         obeys = phase == RIDDEN and heard
         speed = float(pitch if rider.number else setpoint[step])
         asked_mps = obeys * float(np.clip(speed / FULL, -1.0, 1.0)) * own.speed.speed_max_mps
