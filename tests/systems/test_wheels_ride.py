@@ -32,10 +32,11 @@ class Ridden:
             time_s = self.step * PERIOD_S
             self.vehicle.follow(time_s, self.outputs)
             number = int(time_s * FRAMES_PER_S) % NUMBERS + 1
-            commands = 0, round(FULL * speed), round(FULL * turn), 0, number
+            switched = int(on and time_s >= ON_S)
+            commands = 0, round(FULL * speed), round(FULL * turn), switched, number
             row = (*self.vehicle.counts(time_s)[:CHANNELS], 0, 0, *commands)
             words = self.board.step(row, 0)
-            self.outputs = {name: words[name] * (on and time_s >= ON_S) for name in DUTIES}
+            self.outputs = {name: words[name] for name in DUTIES}
             self.most_deg = max(self.most_deg, abs(self.reading("tilt")))
             self.step += 1
         return self
