@@ -127,6 +127,7 @@ def test_no_pin_is_driven_that_the_strap_does_not_allow(slots: dict[str, bytes],
     assert bool(bridge) == (strap == table == "bridge")
     encoders = [timer.smcr & 7 == 3 for timer in (machine.tim2, machine.tim4)]
     assert encoders == [strap == table == "wheels"] * 2
+    assert not any(encoders) or machine.tim2.arr == machine.tim4.arr == 0xFFFF, "nothing of pulses"
     assert machine.duty("PB14") is machine.duty("PB15") is None, "no motor turns before it is armed"
     assert not any(machine.pin(pin) for pin in WHEEL_PINS if motors)
 

@@ -4,6 +4,7 @@ encoders and rider's switch become."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,9 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 
 from unicorn.arm_const import UC_ARM_REG_LR, UC_ARM_REG_R0
 
-from plumb.errors import UsageError
-from plumb.f103.core.cpu import RAM_BASE
-from plumb.f103.peripherals.tim1 import MOE
+from plumb.errors import LinkError, UsageError
+from plumb.f103.core.cpu import FLASH_BASE, RAM_BASE
+from plumb.f103.peripherals.tim1 import MOE, Tim1
 from plumb.f103.snapshot import Snapshot
 from plumb.flash.image import find_image
 from plumb.proof.faults import core
@@ -85,6 +86,23 @@ def moves(scene: Scene) -> bool:
     return all(duties(scene)) and sum(map(bool, directions(scene))) == 2
 
 
+@contextmanager
+def switched_on(timer: Tim1) -> Iterator[list[list[int]]]:
+    """The compare values in force when the main output is switched on."""
+    look, begun = timer._look, list[list[int]]()
+
+    def looks(now: int) -> None:
+        look(now)
+        if timer.bdtr & MOE and not begun:
+            begun.append(timer.active_ccr[1:3])
+
+    vars(timer)["_look"] = looks
+    try:
+        yield begun
+    finally:
+        del vars(timer)["_look"]
+
+
 def said_faults(scene: Scene) -> int:
     faults = scene.session.telemetry["STATUS"]["faults"]
     assert isinstance(faults, int)
@@ -122,9 +140,9 @@ class Duties:
 def test_the_pins_follow_the_record_of_every_step(scene: Scene) -> None:
     seen = set()
     for _ in range(6):
-        duties_now = Duties(scene)
-        told = duties_now.read()
-        duties_now.are_followed(*told)
+        newest = Duties(scene)
+        told = newest.read()
+        newest.are_followed(*told)
         seen.add(tuple(told))
     assert len(seen) > 3
 
@@ -135,30 +153,22 @@ def test_the_pins_follow_the_record_of_every_step(scene: Scene) -> None:
 )
 def test_a_sign_is_a_direction_and_a_size_is_a_share_of_the_pwm(scene: Scene, wanted: tuple[int, int]) -> None:
     """Of whatever is in memory: no share is more than that of the largest duty."""
-    duties_now = Duties(scene)
-    duties_now.replace(*wanted)
-    duties_now.are_followed(*wanted)
+    newest = Duties(scene)
+    newest.replace(*wanted)
+    newest.are_followed(*wanted)
 
 
 def test_disarming_lowers_all_six_pins_and_arming_alone_drives_them_again(scene: Scene) -> None:
     """From duty 0 on: the timer holds nothing of the time before."""
     timer = scene.machine.tim1
     assert moves(scene)
-    look, begun = timer._look, list[list[int]]()
-
-    def looks(now: int) -> None:
-        look(now)
-        if timer.bdtr & MOE and not begun:
-            begun.append(timer.active_ccr[1:3])
-
     disarms(scene)
     scene.run(LOOP_US * 1e-6)
     assert all_low(scene)
-    vars(timer)["_look"] = looks
-    scene.run(0.1)
-    assert all_low(scene) and not begun
-    arm(scene)
-    del vars(timer)["_look"]
+    with switched_on(timer) as begun:
+        scene.run(0.1)
+        assert all_low(scene) and not begun
+        arm(scene)
     scene.run(0.02)
     assert moves(scene) and begun == [[0, 0]]
 
@@ -180,7 +190,19 @@ def test_an_open_break_input_is_a_break(scene: Scene) -> None:
     assert pwm_low(scene)
 
 
-def test_a_crash_lowers_all_six_pins_before_its_reset(scene: Scene) -> None:
+def test_nothing_that_is_written_keeps_the_break_away(scene: Scene) -> None:
+    """The timer's lock holds it."""
+    timer = scene.machine.tim1
+    timer.write_bdtr(MOE)
+    scene.machine.drive(BREAK_PIN, False)
+    assert pwm_low(scene)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_crash_lowers_all_six_pins_before_its_reset(scene: Scene, sign: int) -> None:
+    newest = Duties(scene)
+    newest.replace(sign * 9000, sign * 9000)
+    newest.are_followed(sign * 9000, sign * 9000)
     core.hold_off(scene, "software")
     core.patch_the_loop(scene, core.UNDEFINED)
     scene.machine.advance_us(AT_ONCE_US)
@@ -193,6 +215,25 @@ def test_a_crystal_that_fails_takes_the_pwm_away_at_once_and_then_the_directions
     assert pwm_low(scene)
     scene.machine.advance_us(AT_ONCE_US)
     assert all_low(scene)
+
+
+def test_a_stall_on_the_way_to_arming_leaves_the_motors_off(scene: Scene) -> None:
+    """The tick finds it behind the board's checks, and before the motors are switched on."""
+    machine, at = scene.machine, scene.symbol("motors_arm").address
+    disarms(scene)
+    scene.run(LOOP_US * 1e-6)
+    cpu, before = machine.cpu, machine.cpu.read(at, len(core.FOREVER))
+    core.hold_off(scene, "iwdg", "wwdg")
+    machine.flash.store(at - FLASH_BASE, core.FOREVER)
+    cpu.forget_code()
+    with pytest.raises(LinkError):
+        scene.session.arm()
+    assert cpu.pc == at
+    machine.flash.store(at - FLASH_BASE, before)
+    cpu.forget_code()
+    with switched_on(machine.tim1) as begun:
+        machine.advance_us(WRITTEN_US)
+    assert cpu.pc != at and all_low(scene) and not begun
 
 
 @pytest.mark.parametrize(("how", "said"), [("crash", HARD), ("crystal", CRYSTAL)])
@@ -214,10 +255,18 @@ def test_a_loop_that_hangs_is_noticed_by_the_tick(scene: Scene) -> None:
 
 def test_a_loop_that_goes_on_after_a_stall_writes_nothing(scene: Scene) -> None:
     """Not even what it was about to write."""
-    Duties(scene, STALL_US * 1e-6)
-    assert all_low(scene)
+    timer = scene.machine.tim1
+    write, written = timer._write_ccr, list[int]()
+
+    def writes(index: int, value: int) -> None:
+        write(index, value)
+        written.append(value)
+
+    assert any(Duties(scene, STALL_US * 1e-6).read()) and all_low(scene)
+    vars(timer)["_write_ccr"] = writes
     scene.machine.advance_us(WRITTEN_US)
-    assert all_low(scene)
+    del vars(timer)["_write_ccr"]
+    assert all_low(scene) and not any(written)
     scene.run(0.1)
     assert all_low(scene) and said_faults(scene) & STALLED
 

@@ -8,11 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from plumb import systems
-from plumb.errors import UsageError
-from plumb.flash.image import find_image
 from plumb.link.session import Session
-from plumb.tuning.quantise import quantise
 from second_chip import CanEnd, Chip, UartEnd
 
 IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.bin"
@@ -25,29 +21,6 @@ def image() -> bytes:
     if not IMAGE.exists():
         pytest.skip("no flash image; build it with: make image")
     return IMAGE.read_bytes()
-
-
-@pytest.fixture(scope="session")
-def wheels_image() -> bytes:
-    """Of the pin set whose motors the image of all systems does not have."""
-    try:
-        return find_image(Path("wheels")).read_bytes()
-    except UsageError as error:
-        pytest.skip(str(error))
-
-
-@pytest.fixture(scope="session")
-def wheels_flash(wheels_image: bytes) -> bytes:
-    """The whole flash of a board that was told this pin set."""
-    module = systems.load("wheels")
-    params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
-    told = Chip(wheels_image)
-    told.run(START_S)
-    with Session.open(UartEnd(told)) as session:
-        link = {**params.link_words(), **module.LINK, "arm_hold_ms": 0, "battery_min_mv": 6_400}
-        session.upload(params.words(), period_us=module.PERIOD_US, **link)
-        session.execute("SAVE")
-    return bytes(told.flash)
 
 
 @pytest.fixture

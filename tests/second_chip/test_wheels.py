@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import random
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from plumb import systems
+from plumb.boards.strap import set_strap
+from plumb.errors import UsageError
+from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
 from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
 from plumb.systems.run_fixed import run_control
 from plumb.systems.wheels.pins import MOTORS
 from plumb.tuning.quantise import quantise
-from second_chip import Chip
+from second_chip import Chip, UartEnd
 from second_chip.adc import VDDA
 from second_chip.i2c import Mpu6050
+from support.chip_pair import Pair, assert_both_left_the_same
 
 from .conftest import START_S, Connect
 
@@ -48,6 +54,16 @@ class Wheel:
             if self.chip.ports[port].outside.get(pin) != level:
                 self.chip.ports[port].drive(pin, int(level))
 
+    def sparks(self) -> None:
+        """A whole period of both lines in 2 us, which an encoder without its filters would count as four edges: up from
+        here, down from an odd position."""
+        for after_us, line in ((0.0, 0), (0.7, 1), (1.4, 0), (2.1, 1)):
+            self.chip.after_us(after_us, partial(self._flip, line))
+
+    def _flip(self, line: int) -> None:
+        port, pin = self.pins[line]
+        self.chip.ports[port].drive(pin, 1 - self.chip.ports[port].outside[pin])
+
     def turn(self, edges: int) -> None:
         self.position += edges
         self._show()
@@ -70,6 +86,29 @@ def motor(chip: Chip, pins: tuple[str, str, str]) -> tuple[float | None, int, in
 def told(duty_q15: int) -> tuple[float, int, int]:
     """What a motor's pins say for a duty of the record."""
     return (abs(duty_q15) * PWM_COUNTS >> 15) / PWM_COUNTS, int(duty_q15 >= 0), int(duty_q15 < 0)
+
+
+@pytest.fixture(scope="session")
+def wheels_image() -> bytes:
+    """Of the pin set whose motors the image of all systems does not have."""
+    try:
+        return find_image(Path("wheels")).read_bytes()
+    except UsageError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def wheels_flash(wheels_image: bytes) -> bytes:
+    """The whole flash of a board that was told this pin set."""
+    module = systems.load("wheels")
+    params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
+    told = Chip(wheels_image)
+    told.run(START_S)
+    with Session.open(UartEnd(told)) as session:
+        link = {**params.link_words(), **module.LINK, "arm_hold_ms": 0, "battery_min_mv": 6_400}
+        session.upload(params.words(), period_us=module.PERIOD_US, **link)
+        session.execute("SAVE")
+    return bytes(told.flash)
 
 
 @pytest.fixture
@@ -100,6 +139,13 @@ def listen(session: Session, seconds: float) -> None:
         session.receive(0.002)
 
 
+def test_the_firmware_leaves_the_same_behind_on_both_models(wheels_flash: bytes) -> None:
+    pair = Pair(wheels_flash)
+    pair.second.ports["B"].outside |= {4: 0, 5: 0}
+    set_strap(pair.first, "wheels")
+    assert_both_left_the_same(pair)
+
+
 def test_every_step_of_an_armed_run_is_that_of_the_model_and_the_pins_follow(
     wired: Chip, connect_uart: Connect
 ) -> None:
@@ -122,6 +168,8 @@ def test_every_step_of_an_armed_run_is_that_of_the_model_and_the_pins_follow(
     def rolls() -> None:
         left.turn(1)
         right.turn(-1)
+        if left.position % 2 == 0:
+            wired.after_us(EDGE_US / 2, left.sparks)
         wired.after_us(EDGE_US, rolls)
 
     rolls()

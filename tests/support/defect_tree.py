@@ -11,6 +11,7 @@ import fcntl
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -21,7 +22,9 @@ from pathlib import Path
 from support.defects import ROOT, Defect
 
 IMAGE, NATIVE = "stm32f103", "native"
-"""Presets of CMake, and their build folders."""
+"""Presets of CMake, and their build folders. The preset of another flash image is its name."""
+NAMED = re.compile(r'find_image\(Path\("(\w+)"\)\)')
+"""How a test opens another flash image than that of all systems."""
 CODE = {
     IMAGE: (f"build/{IMAGE}/firmware.bin",),
     NATIVE: (f"build/{NATIVE}/libplumb_native.so", f"build/{NATIVE}/libplumb_board.so"),
@@ -87,6 +90,11 @@ class Tree:
 
     def build(self, preset: str) -> str:
         """Build what tests of this preset load; its SHA-256. Raises CannotBuild with the last words of the build."""
+        if preset not in CODE:
+            if not (self.folder / CODE[IMAGE][0]).is_file():  # such a test may ask for that of all systems, too
+                self.build(IMAGE)
+            self._built(self._python("tools/build_images.py", preset))
+            return self.loaded(preset)
         if preset not in self._configured:  # the Python of the tests has what the checks of an image need
             self._called(["cmake", "--preset", preset, f"-DPython3_EXECUTABLE={sys.executable}"])
             self._configured.add(preset)
@@ -96,10 +104,13 @@ class Tree:
 
     def loaded(self, preset: str) -> str:
         """SHA-256 of the code that tests of this preset load."""
-        return hashlib.sha256(b"".join((self.folder / path).read_bytes() for path in CODE[preset])).hexdigest()
+        paths = CODE.get(preset, (f"build/images/{preset}/firmware.bin",))
+        return hashlib.sha256(b"".join((self.folder / path).read_bytes() for path in paths)).hexdigest()
 
     def _called(self, command: Sequence[str]) -> None:
-        done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, check=False)
+        self._built(subprocess.run(command, cwd=self.folder, capture_output=True, text=True, check=False))
+
+    def _built(self, done: subprocess.CompletedProcess[str]) -> None:
         if done.returncode:
             raise CannotBuild("\n".join((done.stdout + done.stderr).splitlines()[-12:]))
 
@@ -160,10 +171,12 @@ class Tree:
 
 
 def preset_of(name: str) -> str:
-    """What the row or test runs: the flash image, or the core on this machine."""
+    """What the row or test runs: a flash image, or the core on this machine."""
     if "/" not in name:
         return IMAGE
     text = (ROOT / name.partition("::")[0]).read_text(encoding="utf-8")
+    if (named := NAMED.search(text)) is not None:
+        return named[1]
     on_image = "stm32f103" in text or "find_image" in text or "balancer_bench" in text or "unicorn" in text
     return IMAGE if on_image else NATIVE
 
