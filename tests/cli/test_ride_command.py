@@ -9,6 +9,7 @@ import pytest
 
 from plumb import __main__ as front
 from plumb import systems
+from plumb.boards.link import LinkBoard
 from support.declared_systems import lacking
 
 rides = pytest.mark.skipif(not systems.with_part("ride"), reason="no declared system has ride.py")
@@ -27,6 +28,18 @@ def test_wrong_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["ride", "--image", "none.elf"]) == 2
     captured = capsys.readouterr()
     assert "--image is for board virtual" in captured.err and len(captured.err.strip().splitlines()) == 1
+
+
+@rides
+def test_an_image_without_the_system_is_one_sentence_and_leaves_no_board_open(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    closed: list[LinkBoard] = []
+    monkeypatch.setattr(LinkBoard, "close", lambda board: closed.append(board))
+    assert front.main(["ride", "--board", "virtual", "--image", "all"]) == 2
+    complaint = capsys.readouterr().err
+    assert "the board's image has no wheels" in complaint and len(complaint.strip().splitlines()) == 1
+    assert len(closed) == 1
 
 
 @pytest.mark.parametrize("name", lacking("ride")[-1:])

@@ -53,6 +53,12 @@ def test_no_way_to_serve_is_wrong_use(where: str, capsys: pytest.CaptureFixture[
     assert "pty or tcp:PORT" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("chip", ["f103", "native"])
+def test_a_battery_below_0_v_is_wrong_use(chip: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["virtual-board", "--port", chip, "--battery", "-1", "--serial", "nowhere"]) == 2
+    assert "--battery -1: give 0 V or more" in capsys.readouterr().err
+
+
 def test_a_scenario_without_a_system_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["virtual-board", "--scenario", "hold", "--serial", "nowhere"]) == 2
     complaint = capsys.readouterr().err

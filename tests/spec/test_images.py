@@ -14,6 +14,7 @@ TOYS = Path(__file__).resolve().parents[1] / "toy_systems"
 FIRST, VEHICLES = declarations.names()[0], images.images()["vehicles"].systems
 LEFT_OUT = [name for name in declarations.names() if name not in VEHICLES][-1]
 """A system of none of the sets but `all`."""
+ALONE = next(iter(images.beside_all()))
 C8_FLASH, C8_RAM = 60 * 1024, 20 * 1024
 """Flash below the parameters of an STM32F103C8, and its RAM."""
 
@@ -102,4 +103,14 @@ def test_the_image_to_flash_keeps_the_systems_of_the_board(wanted: str, present:
     assert f"plumb flash --image {flashed} has it" in sentence
     assert all(name in sentence for name in present)
     others = {one.name for one in images.holding([wanted])} - {flashed}
-    assert others and all(name in sentence.partition("so have the images ")[2] for name in others)
+    said = sentence.partition("so have the images " if len(others) > 1 else "so has the image ")[2]
+    assert others and all(name in said for name in others)
+
+
+def test_an_image_that_loses_systems_says_so() -> None:
+    """No image holds a system that `all` leaves out beside all the others."""
+    present = images.image("all").systems
+    lost = [name for name in present if name not in images.image(ALONE).systems]
+    assert lost and f"plumb flash --image {ALONE} has it, but not {', '.join(lost)}; so ha" in images.lacking(
+        ALONE, present
+    )

@@ -70,13 +70,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ppm", action="store_true", help="its receiver gives pulses at PA8, by the CRSF of --receiver"
     )
     parser.add_argument(
-        "--battery", type=float, metavar="V", help="volts of the battery, at PB0 (default: that of the plant, else 0)"
+        "--battery",
+        type=float,
+        metavar="V",
+        help="volts of the battery, at PB0, of wheels at PA2 (default: that of the plant, else 0)",
     )
     parser.add_argument("--symlink", type=Path, help="make this symbolic link to the terminal")
     options.add_system(parser, "start as this system, with its plant on the pins")
     options.add_scenario(parser)
     options.add_seed(parser, "the plant")
-    parser.add_argument("--strap", help="standard, bridge, quadrotor or both (default: that of --system)")
+    parser.add_argument("--strap", help="standard, bridge, quadrotor or wheels (default: that of --system)")
     parser.add_argument("--port", choices=("f103", "native"), default="f103", help="the chip, or a board in memory")
     parser.add_argument("--part", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
     options.add_image(parser)
@@ -98,6 +101,8 @@ def main(arguments: argparse.Namespace) -> int:
 
     if arguments.scenario and not arguments.system:
         raise UsageError("--scenario needs a plant: name its system with --system, or leave --scenario out")
+    if arguments.battery is not None and arguments.battery < 0:
+        raise UsageError(f"--battery {arguments.battery:g}: give 0 V or more")
     named = (arguments.vcd, arguments.keep, arguments.symlink, None if arguments.hand == "-" else arguments.hand)
     require_different((Path(path) for path in named if path), "give each of --vcd, --keep, --symlink, --hand its own")
     served = parse_endpoint(arguments.serial)

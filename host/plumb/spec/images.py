@@ -130,9 +130,8 @@ def lacking(wanted: str, present: Sequence[str]) -> str:
     """What to do where a board's image has no system `wanted`, as a sentence. present: the systems that it has."""
     best = to_flash(wanted, present)
     there = ", ".join(present) or "none that this version of plumb knows"
-    keeps = f" has it, and keeps {' and '.join(present)}" if present else " has it"
-    others = " and ".join(one.name for one in holding([wanted]) if one != best)
-    return (
-        f"the board's image has no {wanted}, only {there}: plumb flash --image {best.name}{keeps}; "
-        f"so have the images {others}"
-    )
+    lost = [name for name in present if name not in best.systems]
+    kept = f", but not {', '.join(lost)}" if lost else f", and keeps {' and '.join(present)}" if present else ""
+    others = [one.name for one in holding([wanted]) if one != best]
+    so = f"so have the images {' and '.join(others)}" if len(others) > 1 else f"so has the image {''.join(others)}"
+    return f"the board's image has no {wanted}, only {there}: plumb flash --image {best.name} has it{kept}; {so}"

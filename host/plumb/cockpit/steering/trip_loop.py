@@ -96,15 +96,19 @@ class TripLoop(BoardRun):
         self._estimated = 0
         self._attitude: Quaternion | None = None
         self._begin_estimates()
-        self._steered_board.configure(
-            params,
-            **params.link_words(),
-            **systems.load(system).LINK,
-            period_us=self._period_us,
-            receiver=1,
-            calibrated=1,  # the simulated sensors are those of the tuning
-            arm_hold_ms=0,  # the simulated motors need no arming pulse
-        )
+        try:
+            self._steered_board.configure(
+                params,
+                **params.link_words(),
+                **systems.load(system).LINK,
+                period_us=self._period_us,
+                receiver=1,
+                calibrated=1,  # the simulated sensors are those of the tuning
+                arm_hold_ms=0,  # the simulated motors need no arming pulse
+            )
+        except PlumbError:
+            self._steered_board.board.close()
+            raise
         super().__init__(self._steered_board.board, hold, folder, self._vehicles, watch=False, command=command)
 
     # ---- called by other threads ----
