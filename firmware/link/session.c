@@ -194,9 +194,11 @@ static void follow_pilot(session_t *s, bool locked, uint32_t now_us) {
                           now_us);
     }
 #if USED_WHEELS
-    /* A fall, and why it was disarmed, are kept until the run ends: when the pilot has switched off. */
-    if (s->run.stand_alone && !arming_armed(&s->arming) && receiver_rotors_off(&s->receiver) &&
-        (s->readiness.stopped & READINESS_FALLEN) != 0U) {
+    /* A fall, a break, and why it was disarmed are kept until the run ends: when the pilot has switched off.
+     */
+    const bool kept =
+        (s->readiness.stopped & READINESS_FALLEN) != 0U || (s->status.faults & BOARD_FAULT_BRIDGE) != 0U;
+    if (kept && s->run.stand_alone && !arming_armed(&s->arming) && receiver_rotors_off(&s->receiver)) {
         run_end(&s->run);
     }
 #endif

@@ -73,13 +73,15 @@ def directions(scene: Scene) -> list[bool | None]:
 
 
 def pwm_low(scene: Scene) -> bool:
-    """Driven low: by the timer, whose main output is off."""
+    """Driven low by the port, or by nothing but the pull-downs of the wiring."""
     gates = [scene.machine.tim1.gate(pin, scene.machine.now) for pin in PWM]
-    return duties(scene) == [None, None] and gates == [False, False]
+    return duties(scene) == [None, None] == gates and True not in [scene.machine.pin(pin) for pin in PWM]
 
 
 def all_low(scene: Scene) -> bool:
-    return pwm_low(scene) and directions(scene) == [False] * 4
+    """Driven low, all six."""
+    driven = [scene.machine.pin(pin) for pin in PWM]
+    return pwm_low(scene) and driven == [False] * 2 and directions(scene) == [False] * 4
 
 
 def moves(scene: Scene) -> bool:
@@ -171,6 +173,15 @@ def test_disarming_lowers_all_six_pins_and_arming_alone_drives_them_again(scene:
         arm(scene)
     scene.run(0.02)
     assert moves(scene) and begun == [[0, 0]]
+
+
+def test_the_timer_never_drives_the_pin_where_the_uart_sends(scene: Scene) -> None:
+    """PA9 is the plain output of channel 2, whose complementary one is the left motor's (RM0008 table 83)."""
+    machine = scene.machine
+    armed = machine.tim1.levels(1, machine.now)
+    disarms(scene)
+    scene.run(LOOP_US * 1e-6)
+    assert armed[0] is machine.tim1.levels(1, machine.now)[0] is None and armed[1] is not None
 
 
 def test_the_break_input_takes_the_pwm_away_without_an_instruction(scene: Scene) -> None:

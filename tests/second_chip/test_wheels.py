@@ -74,10 +74,11 @@ def wheels_of(chip: Chip) -> tuple[Wheel, Wheel]:
 
 
 def motor(chip: Chip, pins: tuple[str, str, str]) -> tuple[float | None, int, int]:
-    """PWM and both directions of a motor; None where the timer does not drive."""
+    """PWM and both directions of a motor; None where neither timer nor port drives."""
     pwm, *directions = (place(pin) for pin in pins)
-    assert chip.ports["B"].alternate(pwm[1])
-    share = chip.tim1.complement(CHANNELS[pwm[1]])
+    port = chip.ports["B"]
+    level = None if port.input(pwm[1]) else float(port.level(pwm[1]))
+    share = chip.tim1.complement(CHANNELS[pwm[1]]) if port.alternate(pwm[1]) else level
     forward, backward = (chip.ports[port].value["ODR"] >> pin & 1 for port, pin in directions)
     assert not any(chip.ports[port].input(pin) for port, pin in directions)
     return share, forward, backward
@@ -196,7 +197,7 @@ def test_every_step_of_an_armed_run_is_that_of_the_model_and_the_pins_follow(
         assert max(abs(duty) for duty in duties) > 300
 
     wired.ports["B"].drive(12, 0)
-    assert [motor(wired, pins)[0] for pins in MOTORS] == [0.0, 0.0], "without an instruction"
+    assert [motor(wired, pins)[0] for pins in MOTORS] == [None, None], "without an instruction: pull-downs hold it"
     listen(session, 0.01)
     assert [motor(wired, pins) for pins in MOTORS] == [(0.0, 0, 0)] * 2
     wired.ports["B"].drive(12, 1)

@@ -74,6 +74,22 @@ def test_a_vehicle_that_falls_is_disarmed_and_can_be_armed_again_without_a_host(
     assert ride.board.armed and ride.driven
 
 
+def test_a_break_that_is_over_is_forgotten_when_the_rider_has_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rides, "HELD_S", 20.0)
+    ride = Ridden()
+    ride.arms()
+    ride.wires.bridge_break = 1
+    ride.passes(0.05)
+    ride.wires.bridge_break = 0
+    ride.passes(1.5)
+    assert not ride.board.armed, "it stays off while the switch is on"
+    ride.sends = crsf.sticks()
+    ride.passes(3.0)
+    ride.sends = ON
+    ride.passes(0.4)
+    assert ride.board.armed and ride.driven
+
+
 @pytest.mark.parametrize("fault", ["sensor", "break", "switch"])
 def test_what_disarms_a_vehicle_that_is_ridden(fault: str) -> None:
     ride = Ridden()

@@ -2,9 +2,13 @@
  * docs/explanation/wheel-drivers.md says what each driver does in each state).
  *
  * The PWM is that of TIM1's complementary outputs alone: with CCxE = 0 and CCxNE = 1, OCxN is OCxREF (RM0008
- * table 83), and no dead time takes part. The break input (PB12) and the clock security system clear MOE in
- * hardware, and with OSSI the timer then drives both low; the directions follow when the loop disarms. Only
- * arming sets MOE again.
+ * table 83), and no dead time takes part. OSSR and OSSI stay 0: each would enable the plain output of such a
+ * channel, too, and that of channel 2 is PA9, where USART1 sends. So the timer drives nothing without MOE,
+ * and both pins are ordinary outputs, low, but while the motors are on.
+ *
+ * The break input (PB12) and the clock security system clear MOE in hardware: the pull-down resistors then
+ * hold both PWM inputs low, until the loop disarms and drives them and the directions low. Only arming sets
+ * MOE.
  *
  * A direction changes at once and the PWM at the end of its half period, so that a motor that turns round
  * gets its old duty the other way for 25 us at most. At duty 0 a direction stays on, so that the driver
@@ -29,6 +33,11 @@
 #define FULL_LOG2 15u
 #define DUTY_MOST 32767u
 
+/* Of PB14 and PB15: those of the timer while the motors are on. */
+static void set_pwm_pins(uint32_t mode) {
+    GPIOB_CRH = (GPIOB_CRH & 0x00ffffffu) | mode << 24 | mode << 28;
+}
+
 static bool drives(void) {
     return (RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0u && TIM1_CCER == BOTH;
 }
@@ -37,7 +46,7 @@ void motors_init(void) {
     RCC_APB2ENR |= RCC_APB2ENR_TIM1EN;
     TIM1_PSC = 0u;
     TIM1_ARR = clock_mhz() * 1000000u / PWM_HZ / 2u;
-    TIM1_BDTR = TIM1_BDTR_OSSI | TIM1_BDTR_OSSR | TIM1_BDTR_BKE | TIM1_BDTR_LOCK_LEVEL2;
+    TIM1_BDTR = TIM1_BDTR_BKE | TIM1_BDTR_LOCK_LEVEL2;
     TIM1_CCMR1 = PRELOADED << 8; /* channel 2 */
     TIM1_CCMR2 = PRELOADED;      /* channel 3 */
     TIM1_CCR2 = 0u;
@@ -82,6 +91,7 @@ void motors_arm(void) {
     __asm volatile("cpsid i" ::: "memory");
     if (!stall_latched()) {
         write(none);
+        set_pwm_pins(PIN_ALTERNATE_10MHZ);
         TIM1_BDTR |= TIM1_BDTR_MOE;
     }
     __asm volatile("cpsie i" ::: "memory");
@@ -90,10 +100,11 @@ void motors_arm(void) {
 void motors_off(void) {
     if (drives()) {
         TIM1_BDTR &= ~TIM1_BDTR_MOE;
+        GPIOB_BSRR = DOWN(0) | DOWN(1) | DOWN(13) | DOWN(14) | DOWN(15);
+        set_pwm_pins(PIN_OUTPUT_10MHZ);
+        GPIOA_BSRR = DOWN(8);
         TIM1_CCR2 = 0u; /* else the next arming would begin with the half period of an old duty */
         TIM1_CCR3 = 0u;
-        GPIOA_BSRR = DOWN(8);
-        GPIOB_BSRR = DOWN(0) | DOWN(1) | DOWN(13);
     }
 }
 

@@ -12,7 +12,8 @@ void motors_init(void);
 /* Switch the motors on, at duty 0. */
 void motors_arm(void);
 
-/* PWM and directions low, at any time. Reads no memory, so the fault handler may call it. */
+/* PWM and directions low. Reads no memory, so the fault handler may call it; else call it with interrupts
+ * masked: it changes pin modes that the recovery of I2C shares a register with. */
 void motors_off(void);
 
 /* BOARD_FAULT_BRIDGE: the break input has switched them off. */

@@ -70,18 +70,19 @@ void pins_init(uint32_t pins, bool actuators) {
     GPIOA_CRL = MODES(SPI, INPUT, SPI, OUTPUT, inputs_or_rotors, inputs_or_rotors, inputs_or_rotors,
                       inputs_or_rotors);
     if (wheels) {
-        const uint32_t direction = actuators ? OUTPUT : FREE, motor = actuators ? SIGNAL : FREE;
+        /* Low; motors_arm() gives two of them to the timer. */
+        const uint32_t motor = actuators ? OUTPUT : FREE;
         GPIOA_BSRR = UP(0) | UP(1) | UP(3) | DOWN(8);
-        GPIOB_BSRR = UP(6) | DOWN(0) | DOWN(1) | DOWN(13);
+        GPIOB_BSRR = UP(6) | DOWN(0) | DOWN(1) | DOWN(13) | DOWN(14) | DOWN(15);
         /* SPI1 as above; the rider's switch; the battery; TIM2, the left encoder. */
         GPIOA_CRL = MODES(SPI, INPUT, SPI, OUTPUT, INPUT, ANALOG, INPUT, INPUT);
         /* SWD; CAN TX, RX; USART1 RX, TX; the left motor forward. */
-        GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, rx, tx, direction);
+        GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, rx, tx, motor);
         /* TIM4, the right encoder; strap; the right motor backward, forward. */
-        GPIOB_CRL = MODES(INPUT, INPUT, INPUT, INPUT, FREE, FREE, direction, direction);
+        GPIOB_CRL = MODES(INPUT, INPUT, INPUT, INPUT, FREE, FREE, motor, motor);
         /* TIM1 channels 3N and 2N, the motors; the left one backward; break; USART3 RX, the receiver; I2C1.
          */
-        GPIOB_CRH = MODES(motor, motor, direction, INPUT, sticks, FREE, DRAIN, DRAIN);
+        GPIOB_CRH = MODES(motor, motor, motor, INPUT, sticks, FREE, DRAIN, DRAIN);
     } else if (bridge) {
         /* Hall A; SWD; CAN TX, RX; TIM1 high sides C, B, A. */
         GPIOA_CRH = MODES(INPUT, FREE, FREE, SIGNAL, INPUT, gate, gate, gate);

@@ -186,11 +186,11 @@ void board_actuator_neutral(void) {
     /* Interrupts off: else SysTick could find the length that end_frame() is about to undo. */
     __asm volatile("mrs %0, primask \n cpsid i" : "=r"(masked)::"memory");
     rest_all(good ? kept : CONSTANT_NEUTRAL_HALFUS);
-    __asm volatile("msr primask, %0" ::"r"(masked) : "memory");
-    bridge_off();
     if (USED_WHEELS) {
         motors_off();
     }
+    __asm volatile("msr primask, %0" ::"r"(masked) : "memory");
+    bridge_off();
     stall_watch(false);
 }
 
@@ -206,13 +206,13 @@ void board_clear_actuator_faults(void) {
  * the timer counts nine times slower, and the pulse that is on its way would last nine times as long. A pulse
  * that ends early is no command. */
 void pwm_crash(void) {
+    if (USED_WHEELS) {
+        motors_off();
+    }
     if (drives_rotors()) {
         pins_rotors_low();
     } else if (drives_pair()) {
         rest(TIM4_BASE, BOARD_ACTUATORS, CONSTANT_NEUTRAL_HALFUS);
     }
     bridge_off();
-    if (USED_WHEELS) {
-        motors_off();
-    }
 }
