@@ -16,8 +16,8 @@ PARAMS = quantise.quantise(scenarios.TUNINGS["steered"])
 PINS_WHEELS = 3
 STEP_S, FRAME_S, HOLD_S = 0.001, 0.01, 0.1
 OFF, ON = crsf.sticks(), crsf.sticks(on=True)
-COUNTS, SAID = 9, 20
-"""Counts of a sample; times that the host listens before it is asked, while the vehicle stands still."""
+COUNTS, SAID, LISTEN_EVERY = 9, 20, 5
+"""Counts of a sample; times that the host listens before it is asked; and ms between two times while it holds."""
 
 
 class Ridden:
@@ -48,7 +48,8 @@ class Ridden:
     def _sense(self) -> None:
         self.board.sensors(self.plant.counts(self.time_s)[:COUNTS], self.wires.faults)
 
-    def passes(self, seconds: float) -> None:
+    def passes(self, seconds: float, *, listens: bool = False) -> None:
+        """listens: the host answers keep-alives meanwhile, which takes time of the board alone."""
         for _ in range(round(seconds / STEP_S)):
             self._turn += 1
             if self._turn % round(FRAME_S / STEP_S) == 0:
@@ -58,6 +59,8 @@ class Ridden:
             self.plant.drive_to(self.time_s, (left if on else None, right if on else None))
             self._sense()
             self.board.run_us(round(STEP_S * 1e6))
+            if listens and self._turn % LISTEN_EVERY == 0:
+                self.session.receive(STEP_S)
 
     def arms(self) -> None:
         """Held upright by a hand, then the switch."""

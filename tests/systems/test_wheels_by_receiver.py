@@ -106,6 +106,22 @@ def test_what_disarms_a_vehicle_that_is_ridden(fault: str) -> None:
     assert not ride.driven and not ride.board.armed
 
 
+def test_the_riders_switch_takes_the_duties_of_a_board_that_a_host_armed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rides, "HELD_S", 20.0)
+    ride = Ridden()
+    ride.session.begin("REALTIME_LIVE")
+    ride.passes(2.0, listens=True)
+    ride.session.arm()
+    ride.passes(0.3, listens=True)
+    assert ride.driven and not any(ride.wires.wheel_duty_q15), "switched off from the start"
+    ride.sends = GENTLY
+    ride.passes(0.3, listens=True)
+    assert any(ride.wires.wheel_duty_q15)
+    ride.sends = crsf.sticks(pitch=0.4)
+    ride.passes(0.1, listens=True)
+    assert ride.driven and not any(ride.wires.wheel_duty_q15)
+
+
 @pytest.mark.parametrize(
     ("words", "why"),
     [

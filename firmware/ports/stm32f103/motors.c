@@ -12,7 +12,7 @@
  *
  * A direction changes at once and the PWM at the end of its half period, so that a motor that turns round
  * gets its old duty the other way for 25 us at most. At duty 0 a direction stays on, so that the driver
- * brakes as it does in the pauses of the PWM.
+ * does what it does in the pauses of the PWM: a TB6612 brakes.
  *
  * Which pin set drives is read from the timer, never from memory: SysTick and the fault handler come here. */
 #include "motors.h"

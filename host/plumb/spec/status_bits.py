@@ -68,7 +68,11 @@ IMPLAUSIBLE = {
         "innovation",
         "the accelerometer's tilt is far from what the filter expects: check the axes of gyro and accelerometer",
     ),
-    2: Bit("turn", "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign"),
+    2: Bit(
+        "turn",
+        "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign, and on wheels "
+        "what counts them",
+    ),
     8: Bit("no_samples", "the step stopped the rotors: no samples came"),
     9: Bit("on_its_back", "the step stopped the rotors: it lay on its back at rest"),
     10: Bit("idle", "the step stopped the rotors: it stood on the ground with the throttle low"),

@@ -39,7 +39,11 @@ RESTS_S, CAUGHT_RAD, CAUGHT_MPS = 0.1, math.radians(10.0), 0.2
 """A hand takes the vehicle when its motors have rested for this long, if it is that upright and that slow."""
 STANDS_MPS, STANDS_RADPS = 0.3, 1.0
 SAMPLES_KEPT = 256
-PHASES = {STOPPED: "stopped: waits for its rider", RIDDEN: "ridden", STOPPING: "the rider has left: it comes to rest"}
+PHASES = {
+    STOPPED: "stopped: switched off, or without its rider",
+    RIDDEN: "ridden",
+    STOPPING: "the rider has left: it comes to rest",
+}
 
 BODY, PLATE, POLE, TYRE, SPOKE = "#dfe5ec", "#47535f", "#8794a1", "#2b333c", "#f0902c"
 LEGS, COAT, SKIN, FROZEN = "#3d5a80", "#f0902c", "#e8c39e", "#bfe6f7"
