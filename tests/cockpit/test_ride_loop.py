@@ -10,6 +10,7 @@ import pytest
 
 from plumb import systems
 from plumb.__main__ import main
+from plumb.cockpit import speed
 from plumb.cockpit.steering import trip_loop
 from plumb.systems.steered import Controls, steered
 from support.trip_bench import TripBench
@@ -27,6 +28,19 @@ def bench(tmp_path: Path) -> Iterator[TripBench]:
     bench.loop.close()
 
 
+class Clock:
+    """Stands for the module time: it stands still but for sleeping."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+
+
 @pytest.fixture
 def controls() -> Controls:
     return steered(RIDDEN[0]).CONTROLS
@@ -36,6 +50,17 @@ def heading_deg(attitude: object) -> float:
     assert isinstance(attitude, list)
     w, x, y, z = attitude
     return math.degrees(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def test_real_time_begins_when_the_sensors_have_settled(bench: TripBench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was simulated faster than that is not waited for: the first seconds would be in slow motion."""
+    clock = Clock()
+    monkeypatch.setattr(speed, "time", clock)
+    bench.loop._paced = True
+    bench.turn(bench.loop._steered.SETTLED_S + 0.05, on=False)
+    begun_s = clock.now_s
+    bench.turn(1.0, on=False)
+    assert clock.now_s - begun_s == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_ride_is_armed_driven_stopped_recorded_and_replayed_to_the_bit(bench: TripBench, tmp_path: Path) -> None:

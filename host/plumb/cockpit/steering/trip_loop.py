@@ -176,6 +176,7 @@ class TripLoop(BoardRun):
             self._stated_s = now_s
             self.state = self._describe()
         if not settled:
+            self._pace = Pace(now_s)  # real time begins here: the sensors settle as fast as the machine lets them
             return
         if self._paced:
             self._pace.keep(now_s, MOST_SLEEP_S)
