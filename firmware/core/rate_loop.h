@@ -10,6 +10,7 @@
 typedef enum {
     RATE_LOOP_OFF,      /* the rotors are off: the integral is 0 */
     RATE_LOOP_GROUNDED, /* the integral decays by a 32nd per step */
+    RATE_LOOP_HELD,     /* it may stand on the ground: the integral stays */
     RATE_LOOP_FLYING
 } rate_loop_mode_t;
 
@@ -25,7 +26,8 @@ KERNEL void rate_loop_step(plumb_rate_loop_t *restrict c, const plumb_rate_loop_
         c->integral_q30 = 0;
     } else if (mode == RATE_LOOP_GROUNDED) {
         c->integral_q30 -= asr32(c->integral_q30, 5);
-    } else if (c->excess_q24 == 0 || error == 0 || (c->excess_q24 ^ error) < 0) {
+    } else if (mode == RATE_LOOP_FLYING &&
+               (c->excess_q24 == 0 || error == 0 || (c->excess_q24 ^ error) < 0)) {
         c->integral_q30 =
             clamp_i32(c->integral_q30 + mulhi_i32(error, p->ki_dt_q35), -integral_max_q30, integral_max_q30);
     }

@@ -250,7 +250,7 @@ void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB
         plumb_attitude_step(&c->attitude, p, raw, setpoint);
         return;
     }
-    if (__builtin_expect(p->system == PLUMB_SYSTEM_QUADROTOR, 1)) { /* 4000 cycles */
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_QUADROTOR, 1)) { /* 4200 cycles */
         plumb_quadrotor_step(&c->quadrotor, p, raw, setpoint);
         return;
     }

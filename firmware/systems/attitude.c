@@ -23,6 +23,9 @@ typedef char attitude_assert_size[sizeof(plumb_attitude_t) <= 768U ? 1 : -1];
 
 void plumb_attitude_init(plumb_attitude_t *c, const plumb_params_t *p) {
     *c = (plumb_attitude_t){.words = {.attitude = {ONE_Q30, 0, 0, 0}, .up_q30 = {0, 0, ONE_Q30}}};
+    c->carried_blocks = LANDED_BLOCKS;
+    c->weight_g_q18 = 1 << 18;
+    c->hover_q15 = p->attitude.aid_hover_q15;
     start(c, &p->attitude);
 }
 

@@ -249,7 +249,7 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
         for (unsigned i = 0; i < 2U; i++)
             w->velocity_gs_q28[i] = saturated((int64_t)w->velocity_gs_q28[i] + gains[i]);
         if (p->aid_s_q24 != 0)
-            measure_velocity(c, p, gains);
+            measure_velocity(c, p, gains, time_q32);
 
         c->errors.tilt_growth_q32 = tilt_growth(c, p);
         c->errors.velocity_growth_q32 = 16 * c->velocity_added_q26;

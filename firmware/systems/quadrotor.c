@@ -22,10 +22,25 @@ KERNEL void take_attitude(plumb_quadrotor_words_t *w, const plumb_attitude_words
     w->tilt_variance_rad2_q32 = a->tilt_variance_rad2_q32;
 }
 
+/* Copies what attitude knows of the flight. */
+KERNEL void take_flight(plumb_quadrotor_words_t *w, const plumb_attitude_t *a) {
+    w->hover_q15 = a->hover_q15;
+    w->climb_gs_q28 = a->climb_gs_q28;
+    w->carried_blocks = a->carried_blocks;
+}
+
+/* Thrust command of the step before, Q15, without what roll and pitch add to it; 0: the rotors are off. A
+ * vehicle that lies on its side gives full commands of roll with the throttle low, and does not hover. */
+KERNEL int32_t collective(const plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *q) {
+    const bool flies = (w->flags & PLUMB_QUADROTOR_FLAG_FLIES) != 0U;
+    return flies ? max_i32(max_i32(w->throttle_q15, asr32(q->idle_q24, 9)), 1) : 0;
+}
+
 SELDOM_CALLED void plumb_quadrotor_init(plumb_quadrotor_t *c, const plumb_params_t *p) {
     *c = (plumb_quadrotor_t){0};
     plumb_attitude_init(&c->attitude, p);
     take_attitude(&c->words, &c->attitude.words);
+    take_flight(&c->words, &c->attitude);
     c->words.phase = PLUMB_QUADROTOR_STOPPED; /* until the rotors are seen switched off */
 }
 
@@ -47,10 +62,13 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
     w->setpoint_throttle_q15 = setpoint;
     w->step++;
 
-    plumb_attitude_step(&c->attitude, p, raw, asr32(w->thrust_q24, 9));
+    plumb_attitude_step(&c->attitude, p, raw, collective(w, q));
     take_attitude(w, &c->attitude.words);
+    take_flight(w, &c->attitude);
     const bool airborne = c->attitude.airborne; /* kept when the filter restarts, unlike its flag */
-    uint32_t flags = taken_flags(c->attitude.words.flags) | (airborne ? PLUMB_QUADROTOR_FLAG_AIRBORNE : 0U);
+    const bool landed = w->carried_blocks == PLUMB_ATTITUDE_LANDED_BLOCKS;
+    uint32_t flags = taken_flags(c->attitude.words.flags) | (airborne ? PLUMB_QUADROTOR_FLAG_AIRBORNE : 0U) |
+                     (landed ? PLUMB_QUADROTOR_FLAG_LANDED : 0U);
     const bool unsure = (flags & PLUMB_QUADROTOR_FLAG_UNSURE) != 0U;
 
     const int32_t given = clamp_i32(setpoint, 0, INT16_MAX);
@@ -61,17 +79,22 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
     count(&w->blind_steps, (flags & PLUMB_QUADROTOR_FLAG_MISSING) != 0U);
     count(&w->idle_steps, low && !airborne);
     count(&w->lying_steps, low && !by_rate && lies(w, c->attitude.words.accel_g_q25));
-    decide(w, q, on, lost, airborne, unsure);
+    count(&w->upturned_steps, on && w->up_q30[2] < 0 && (!by_rate || w->phase != PLUMB_QUADROTOR_FLOWN));
+    watch_runaway(w, landed || c->attitude.flown_blocks < WATCHED_BLOCKS);
+    decide(w, q, on, lost, landed, unsure);
 
     const bool flies = on && w->phase != PLUMB_QUADROTOR_STOPPED;
     const bool alone = w->phase == PLUMB_QUADROTOR_HELD || w->phase == PLUMB_QUADROTOR_LANDING;
-    const bool levels = (alone || !by_rate) && !(airborne && unsure);
+    const bool levels = alone || !by_rate;
     const int32_t sticks[3] = {alone ? 0 : raw[ROLL], alone ? 0 : raw[PITCH], alone ? 0 : raw[YAW]};
-    if (w->phase != PLUMB_QUADROTOR_HELD)
-        w->throttle_q15 = w->phase == PLUMB_QUADROTOR_LANDING ? q->land_q15 : given;
-    ask(w, q, sticks, levels);
+    set_throttle(w, q, given, c->attitude.words.block_step == 0U);
+    ask(w, q, sticks, levels,
+        unsure ? min_i32(q->tilt_rate_max_q28, q->unsure_rate_q28) : q->tilt_rate_max_q28);
 
-    const rate_loop_mode_t mode = !flies ? RATE_LOOP_OFF : airborne ? RATE_LOOP_FLYING : RATE_LOOP_GROUNDED;
+    const rate_loop_mode_t mode = !flies                                ? RATE_LOOP_OFF
+                                  : landed                              ? RATE_LOOP_GROUNDED
+                                  : w->carried_blocks >= TOUCHED_BLOCKS ? RATE_LOOP_HELD
+                                                                        : RATE_LOOP_FLYING;
     const int32_t alpha = q->d_alpha_q31, most = q->integral_max_q30;
     rate_loop_step(&w->roll, &p->rate_roll, alpha, most, w->asked_turnps_q28[0], w->rate_turnps_q28[0], mode);
     rate_loop_step(&w->pitch, &p->rate_pitch, alpha, most, w->asked_turnps_q28[1], w->rate_turnps_q28[1],
@@ -80,7 +103,7 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
 
     flags |= (levels ? PLUMB_QUADROTOR_FLAG_LEVELS : 0U) | (lost ? PLUMB_QUADROTOR_FLAG_LOST : 0U);
     if (flies)
-        flags |= PLUMB_QUADROTOR_FLAG_FLIES | mix(w, q, &p->esc, q->airmode != 0U && airborne);
+        flags |= PLUMB_QUADROTOR_FLAG_FLIES | mix(w, q, &p->esc, q->airmode != 0U && !landed);
     else
         rest(w, &p->esc);
     w->flags = flags;
@@ -120,9 +143,11 @@ static bool in_range(const plumb_quadrotor_params_t *q) {
            is_up_to(q->integral_max_q30, 1U << 30) && is_up_to(q->yaw_max_q24, 1U << 24) &&
            is_up_to(q->idle_q24, 1U << 22) && q->airmode <= 1U && is_up_to(q->low_q15, 8192U) &&
            is_one_to(q->lost_steps, STEPS_MOST) && q->held_steps < STEPS_MOST &&
-           is_one_to(q->back_steps, STEPS_MOST) && q->lost_action <= 1U && is_up_to(q->land_q15, INT16_MAX) &&
-           is_one_to(q->land_steps, STEPS_MOST - 1U) && is_one_to(q->blind_steps, STEPS_MOST) &&
-           is_one_to(q->idle_limit, STEPS_MOST) && is_one_to(q->lying_limit, STEPS_MOST);
+           is_one_to(q->back_steps, STEPS_MOST) && q->lost_action <= 1U &&
+           is_up_to(q->land_gs_q28, 1U << 27) && is_one_to(q->land_steps, STEPS_MOST - 1U) &&
+           is_one_to(q->blind_steps, STEPS_MOST) && is_one_to(q->idle_limit, STEPS_MOST) &&
+           is_one_to(q->lying_limit, STEPS_MOST) && is_one_to(q->runaway_limit, STEPS_MOST) &&
+           is_one_to(q->upturned_limit, STEPS_MOST) && is_up_to(q->unsure_rate_q28, 1342177280U);
 }
 
 SELDOM_CALLED bool plumb_quadrotor_params_valid(const plumb_params_t *p) {

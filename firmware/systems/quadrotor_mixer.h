@@ -40,10 +40,11 @@ KERNEL void lean_error(int32_t error_q28[3], const int32_t up[3], int32_t wx, in
     error_q28[2] = ez;
 }
 
-/* The rates that the sticks of roll, pitch and yaw, Q15, demand. levels: roll and pitch demand an angle. */
+/* The rates that the sticks of roll, pitch and yaw, Q15, demand. levels: roll and pitch demand an angle,
+ * whose error asks for at most rate_max. */
 KERNEL void ask(plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *q, const int32_t sticks[3],
-                bool levels) {
-    const int32_t yaw = by_stick(sticks[2], q->yaw_rate_max_q28), most = asr32(q->tilt_rate_max_q28, 4);
+                bool levels, int32_t rate_max_q28) {
+    const int32_t yaw = by_stick(sticks[2], q->yaw_rate_max_q28), most = asr32(rate_max_q28, 4);
     if (!levels) {
         w->error_q28[0] = w->error_q28[1] = w->error_q28[2] = 0;
         w->asked_turnps_q28[0] = by_stick(sticks[0], q->stick_rate_q28);

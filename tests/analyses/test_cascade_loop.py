@@ -45,7 +45,7 @@ def test_the_controller_responds_as_the_reference() -> None:
     loop, demands = RateLoop(gains), []
     for step in range(40 * samples):
         rate = math.cos(2.0 * math.pi * step / samples)
-        demands.append(loop.step(rates, period_s, 0.0, rate, flies=True, airborne=True))
+        demands.append(loop.step(rates, period_s, 0.0, rate, flies=True, landed=False))
     found = np.fft.rfft(demands[-cycles * samples :])[cycles] / (cycles * samples / 2.0)
     hz = np.array([1.0 / (samples * period_s)])
     model, still = Cascade(period_s, rates.d_tau_s), np.zeros(1, np.complex128)

@@ -30,12 +30,13 @@ WORDS = {
     "attitude.block_steps": 15,
     "attitude.inverse_block_q32": 286331153,
     "attitude.aid_s_q24": 1 << 26,
-    "attitude.aid_thrust_q15": 9830,
+    "attitude.aid_hover_q15": 9830,
 }
 """Parameters by name: defaults, sensors of 2000 deg/s and 16 g, and a drag that tells whether the vehicle flies."""
 GROUND_STEPS, TAKE_OFF_STEPS, ON_GROUND = 200, 90, 3000
 """Steps after which attitude is sure of the vertical; then six blocks with thrust; a throttle that is not low and does
 not lift off."""
+BLOCK_STEPS, MAYBE_LANDED_BLOCKS, LANDED_BLOCKS = 15, 8, 67
 
 
 def leaning(degrees: float) -> tuple[float, float, float]:

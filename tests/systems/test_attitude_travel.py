@@ -136,7 +136,7 @@ def flight(pitch_deg: float, drag_per_s: float, seconds: float) -> tuple[Counts,
 
 
 def flown(raw: Counts, thrust: FloatArray, told_per_s: float) -> Words:
-    tuning = replace(attitude.DEFAULT, period_us=PERIOD_US, aid=Aid(drag_per_s=told_per_s))
+    tuning = replace(attitude.DEFAULT, period_us=PERIOD_US, aid=Aid(drag_per_s=told_per_s, hover=0.45))
     channels = {
         name: replace(getattr(tuning, name), zero_counts=0.0, unit_per_count=unit, min_counts=-32767, max_counts=32767)
         for name, unit in (("gyro", UNIT_DPS), ("accel", UNIT_G))
@@ -178,7 +178,8 @@ def test_without_thrust_the_ground_that_carries_the_vehicle_ends_the_flight() ->
     landed = steps(REST_S + 6.0)
     thrust[landed:] = 0.0
     words = flown(raw, thrust, 0.2)
-    assert flagged(words, "AIRBORNE")[landed - 1] and not flagged(words, "AIRBORNE")[landed + steps(0.3) :].any()
+    assert flagged(words, "AIRBORNE")[: landed + steps(0.8)][steps(REST_S + 1.0) :].all(), "a second says so"
+    assert not flagged(words, "AIRBORNE")[landed + steps(1.2) :].any()
     falls = raw.copy()
     falls[landed:, 3:] = 0
     falling = slice(landed + steps(0.3), landed + steps(2.0))

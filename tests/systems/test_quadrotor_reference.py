@@ -27,7 +27,7 @@ ALL_TERMS = RateGains(kp_per_dps=0.001, ki_per_deg=0.0015, kd_per_dps2=2e-5, ff_
 TUNING = QuadrotorTuning(
     period_us=PERIOD_US,
     attitude=AttitudeTuning(
-        PERIOD_US, GYRO, ACCEL, aid=Aid(drag_per_s=0.3, thrust=0.2), motion=Motion(unsure_deg=20.0)
+        PERIOD_US, GYRO, ACCEL, aid=Aid(drag_per_s=0.3, hover=0.25), motion=Motion(unsure_deg=20.0)
     ),
     rates=Rates(roll=ALL_TERMS, pitch=ALL_TERMS, yaw=RateGains(kp_per_dps=0.004, ki_per_deg=0.006)),
     receiver=Receiver(lands=1, held_s=0.2, back_s=0.1, land_s=0.6),
@@ -77,11 +77,10 @@ def test_vertical_and_rates_are_those_of_float64(word: str, unit: float, names: 
         assert np.abs(unit * fixed[f"{word}_{number}"] - floats[names.format(axis)]).max() < bound
 
 
-def test_vertical_is_that_of_attitude_with_the_thrust_of_the_step_before() -> None:
+def test_vertical_is_that_of_attitude_with_the_throttle_of_the_step_before() -> None:
     (raw, throttle), period_s = flight(), PERIOD_US * 1e-6
     floats = reference.run_control(replace(TUNING, exact_period_s=period_s), raw, throttle)
-    before = np.concatenate([[0.0], floats["thrust"][:-1]]) * 2.0**15
-    alone = attitude_reference.run_control(TUNING.attitude, raw[:, :6], before)
+    alone = attitude_reference.run_control(TUNING.attitude, raw[:, :6], floats["collective"] * 2.0**15)
     for axis in "xyz":
         assert np.abs(alone[f"up_{axis}"] - floats[f"up_{axis}"]).max() < 1e-12
 
@@ -105,11 +104,13 @@ def test_error_of_the_vertical_is_that_of_float64_in_any_attitude() -> None:
 
 
 def test_rotors_are_those_of_float64() -> None:
-    """The mixer scales roll and pitch by steps of 2^-15."""
+    """The mixer scales roll and pitch by steps of 2^-15; the thrust of a hover, which a lost receiver brings into play,
+    has a cube root within 0.5 %."""
     fixed, floats = both()
+    bound = np.where(fixed["phase"] == 0, 2e-4, 0.005)
     for number in range(4):
-        assert np.abs(fixed[f"rotor_q24_{number}"] / 2.0**24 - floats[f"rotor_{number}"]).max() < 2e-4
-    assert np.abs(fixed["thrust_q24"] / 2.0**24 - floats["thrust"]).max() < 2e-4
+        assert (np.abs(fixed[f"rotor_q24_{number}"] / 2.0**24 - floats[f"rotor_{number}"]) < bound).all()
+    assert (np.abs(fixed["thrust_q24"] / 2.0**24 - floats["thrust"]) < bound).all()
 
 
 def test_commands_that_are_not_given_have_their_defaults() -> None:

@@ -57,9 +57,20 @@ typedef struct {
     uint8_t gyro_clipped_steps;  /* in a row, up to now */
     uint8_t accel_clipped_steps; /* in a row, up to now */
     bool moved, started;
-    uint8_t thrust_blocks; /* with thrust, up to now */
-    bool airborne;
+    bool airborne;          /* fewer than PLUMB_ATTITUDE_MAYBE_LANDED_BLOCKS are carried */
+    uint8_t carried_blocks; /* in a row in which the ground seems to carry the vehicle, at most LANDED */
+    uint8_t thrust_blocks;  /* in a row with the thrust of a hover, up to now */
+    uint8_t flown_blocks;   /* since the take-off, at most 255 */
+    int32_t hover_q15;      /* thrust command of a hover, learned in flight; 0: unknown */
+    int32_t weight_g_q18;   /* vertical acceleration on the ground: 1 g and the error of the sensor */
+    int32_t climb_gs_q28;   /* vertical velocity, forgotten with 4 s: the integral of the acceleration less
+                               weight */
 } plumb_attitude_t;
+
+/* Of carried_blocks. From the first number on the vehicle may have landed: the velocity is taken for zero. At
+ * the second it has landed: until it takes off again its rotors may be stopped. */
+#define PLUMB_ATTITUDE_MAYBE_LANDED_BLOCKS 8U
+#define PLUMB_ATTITUDE_LANDED_BLOCKS       67U
 
 /* Clear the record, set attitude and covariance of the start. The first sample aligns the attitude. */
 void plumb_attitude_init(plumb_attitude_t *c, const plumb_params_t *p);

@@ -60,7 +60,7 @@ typedef struct {
     int32_t doubt_q24; /* 0..1073741824; growth of the tilt's variance in a block by the square of the angles turned in it, for every square of a lasting velocity */
     int32_t aid_s_q24; /* 0..1073741824; acceleration to velocity by the drag of the rotors: mass by drag; 0: no such aid */
     int32_t aid_variance; /* 256..858993459; variance of the velocity that the drag measures */
-    int32_t aid_thrust_q15; /* 1..32767; thrust command from which the vehicle takes off; below it one that feels its weight stands on the ground */
+    int32_t aid_hover_q15; /* 0..27853; thrust command of a hover, which is learned in flight; 0: unknown before the first take-off */
     int32_t rest_gyro; /* 0..2147483647; half angle of a step by which rest may differ from the mean of the block before */
     int32_t rest_turn; /* 0..2147483647; sum of half angles of a block beyond which it is a turn, not a bias */
     int32_t rest_accel; /* 0..2147483647; sum of accelerations of a block by which rest may differ from the block before */
@@ -108,14 +108,17 @@ typedef struct {
     uint32_t airmode; /* 0..1; 1: in the air roll and pitch may raise the thrust over the throttle; 0: they never do */
     int32_t low_q15; /* 0..8192; throttle below which the stick is low */
     uint32_t lost_steps; /* 1..65535; steps without a new frame of the receiver after which it is lost */
-    uint32_t held_steps; /* 0..65534; steps for which a vehicle without its receiver holds level and throttle */
+    uint32_t held_steps; /* 0..65534; steps for which a vehicle without its receiver holds level, and its throttle up to that of a hover */
     uint32_t back_steps; /* 1..65535; steps of good frames after which a landing vehicle obeys again */
     uint32_t lost_action; /* 0..1; then 0: the rotors stop; 1: it lands */
-    int32_t land_q15; /* 0..32767; throttle of a landing without a receiver */
+    int32_t land_gs_q28; /* 0..134217728; speed of descent of a landing without a receiver */
     uint32_t land_steps; /* 1..65534; steps after which the rotors of a landing stop */
     uint32_t blind_steps; /* 1..65535; steps without a sample of the sensors after which the rotors stop */
     uint32_t idle_limit; /* 1..65535; steps on the ground with the throttle low after which the rotors stop */
-    uint32_t lying_limit; /* 1..65535; steps on its back, at rest with the throttle low, after which the rotors stop */
+    uint32_t lying_limit; /* 1..65535; steps on its side or back, at rest with the throttle low, after which the rotors stop */
+    uint32_t runaway_limit; /* 1..65535; steps of a runaway at the take-off after which the rotors stop */
+    uint32_t upturned_limit; /* 1..65535; steps upside down in mode level after which the rotors stop */
+    int32_t unsure_rate_q28; /* 0..1342177280; largest rate that the error of the vertical asks for while the estimator is unsure in flight */
 } plumb_quadrotor_params_t;
 
 /* wheels */

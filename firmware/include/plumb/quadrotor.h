@@ -35,17 +35,19 @@ extern "C" {
 
 /* Word `phase`. */
 #define PLUMB_QUADROTOR_FLOWN   0U
-#define PLUMB_QUADROTOR_HELD    1U /* receiver lost: level, throttle as it was */
-#define PLUMB_QUADROTOR_LANDING 2U /* level, throttle of the landing */
+#define PLUMB_QUADROTOR_HELD    1U /* receiver lost: level, throttle as it was, at most that of a hover */
+#define PLUMB_QUADROTOR_LANDING 2U /* level, descent at a given speed */
 #define PLUMB_QUADROTOR_STOPPED 3U /* until the rotors are switched off; at the start, too */
 
 /* Word `stop_reason`. */
 #define PLUMB_QUADROTOR_STOPPED_BLIND    1U /* no samples */
-#define PLUMB_QUADROTOR_STOPPED_LYING    2U /* on its back */
+#define PLUMB_QUADROTOR_STOPPED_LYING    2U /* on its side or back */
 #define PLUMB_QUADROTOR_STOPPED_IDLE     4U /* on the ground with the throttle low */
 #define PLUMB_QUADROTOR_STOPPED_RECEIVER 8U /* receiver lost */
 #define PLUMB_QUADROTOR_STOPPED_UNSURE                                                                       \
     16U /* on the ground, and the estimator does not know the vertical yet */
+#define PLUMB_QUADROTOR_STOPPED_RUNAWAY  32U /* at the take-off a rate grew against its limited command */
+#define PLUMB_QUADROTOR_STOPPED_UPTURNED 64U /* upside down for seconds although level was asked for */
 
 /* The record of the last step, then the estimator's state, whose own words are in no digest of this system.
  */

@@ -180,13 +180,14 @@ typedef struct {
 #define PLUMB_QUADROTOR_FLAG_ACCEL_CLIPPED (1U << 1) /* an acceleration was at its limit */
 #define PLUMB_QUADROTOR_FLAG_MISSING (1U << 2) /* no sample in this step: rate and acceleration go on as they were */
 #define PLUMB_QUADROTOR_FLAG_UNSURE (1U << 3) /* standard deviation of the tilt above its limit */
-#define PLUMB_QUADROTOR_FLAG_AIRBORNE (1U << 4) /* the vehicle flies */
+#define PLUMB_QUADROTOR_FLAG_AIRBORNE (1U << 4) /* the vehicle flies: the drag of its rotors measures the velocity */
 #define PLUMB_QUADROTOR_FLAG_FLIES (1U << 5) /* the rotors are on */
 #define PLUMB_QUADROTOR_FLAG_LEVELS (1U << 6) /* the sticks ask for a lean; else for rates */
 #define PLUMB_QUADROTOR_FLAG_LOST (1U << 7) /* the receiver is lost */
 #define PLUMB_QUADROTOR_FLAG_TILT_LIMITED (1U << 8) /* roll and pitch asked for more than the rotors have */
 #define PLUMB_QUADROTOR_FLAG_YAW_LIMITED (1U << 9) /* yaw asked for more than roll and pitch leave */
 #define PLUMB_QUADROTOR_FLAG_THRUST_MOVED (1U << 10) /* the thrust gave way to roll, pitch and yaw */
+#define PLUMB_QUADROTOR_FLAG_LANDED (1U << 11) /* the vehicle stands on the ground */
 #define PLUMB_QUADROTOR_FLAGS_SATURATED (PLUMB_QUADROTOR_FLAG_GYRO_CLIPPED | PLUMB_QUADROTOR_FLAG_ACCEL_CLIPPED) /* raw counts outside their range */
 typedef struct {
     int32_t raw[12]; /* 6 counts, then words of commands, as given */
@@ -196,14 +197,20 @@ typedef struct {
     int32_t up_q30[3]; /* vertical in body axes */
     uint32_t tilt_variance_rad2_q32; /* stated variance of the tilt, sum of both axes */
     uint32_t phase; /* 0: flown; 1: held without a receiver; 2: landing without one; 3: stopped */
-    uint32_t stop_reason; /* why it stopped: 1 no samples, 2 on its back, 4 idle on the ground, 8 receiver lost, 16 unsure on the ground; 0: not switched off yet */
+    uint32_t stop_reason; /* why it stopped: 1 no samples, 2 on its side or back at rest, 4 idle on the ground, 8 receiver lost, 16 unsure on the ground, 32 runs away at the take-off, 64 upside down in mode level; 0: not switched off yet */
+    int32_t hover_q15; /* thrust command of a hover, learned in flight; 0: unknown */
+    int32_t climb_gs_q28; /* vertical velocity, upwards, forgotten with 4 s */
+    uint32_t carried_blocks; /* blocks in a row in which the ground seems to carry the vehicle; from 8 on it may have landed, at 67 it has */
     uint32_t phase_steps; /* steps in this phase */
     uint32_t receiver_number; /* number of the receiver's newest frame; 0: no receiver is in use */
     uint32_t age_steps; /* steps since a new frame of the receiver */
     uint32_t good_steps; /* steps for which the receiver has not been lost */
     uint32_t blind_steps; /* steps without a sample, in a row */
     uint32_t idle_steps; /* steps on the ground with the throttle low */
-    uint32_t lying_steps; /* steps on its back, at rest */
+    uint32_t lying_steps; /* steps on its side or back, at rest */
+    uint32_t runaway_steps; /* steps in which a rate grew against the limited command of its axis, less the others */
+    uint32_t upturned_steps; /* steps upside down in mode level */
+    int32_t landing_q15; /* throttle of a landing at its descent, the integral part */
     int32_t throttle_q15; /* throttle in use */
     int32_t error_q28[3]; /* error of the vertical: sine of the angle, about each axis */
     int32_t asked_turnps_q28[3]; /* rate that is asked for */

@@ -59,6 +59,11 @@ class Airframe:
         return float(np.sqrt(self.weight_n / (4.0 * self.thrust_ns2)))
 
     @property
+    def hover_command(self) -> float:
+        """Command of each rotor in a hover with a full battery, 0 to 1."""
+        return float(command_for(np.array(self.weight_n / self.thrust_max_n)))
+
+    @property
     def drag_per_s(self) -> float:
         """Rotor drag by mass in a hover, 1/s: a slow horizontal speed decays with it."""
         return 4.0 * self.rotor_drag_kg * self.hover_radps / self.mass_kg

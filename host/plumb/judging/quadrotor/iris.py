@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumb.physics.airframe import IRIS_X, THRUST_LINEAR, THRUST_SQUARE, Airframe, command_for
+from plumb.physics.airframe import IRIS_X, THRUST_LINEAR, THRUST_SQUARE, Airframe
 from plumb.systems.quadrotor import scenarios as quadrotor
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
@@ -19,8 +19,7 @@ NAME = "iris"
 
 def accelerations_radps2(frame: Airframe) -> tuple[float, float, float]:
     """About x, y, z, by a command of 1, in a hover."""
-    hover = float(command_for(np.array(frame.weight_n / frame.thrust_max_n)))
-    per_rotor_n = frame.thrust_max_n / 4.0 * (2.0 * THRUST_SQUARE * hover + THRUST_LINEAR)
+    per_rotor_n = frame.thrust_max_n / 4.0 * (2.0 * THRUST_SQUARE * frame.hover_command + THRUST_LINEAR)
     x, y, z = np.abs(frame.allocation()[1:]).sum(axis=1) * per_rotor_n / np.array(frame.inertia_kgm2)
     return float(x), float(y), float(z)
 
@@ -28,7 +27,7 @@ def accelerations_radps2(frame: Airframe) -> tuple[float, float, float]:
 def tuning() -> QuadrotorTuning:
     """The shipped one with gains and drag of this frame."""
     shipped, (x, y, z) = quadrotor.HUMMINGBIRD, accelerations_radps2(IRIS_X)
-    aid = replace(shipped.attitude.aid, drag_per_s=IRIS_X.drag_told_per_s)
+    aid = replace(shipped.attitude.aid, drag_per_s=IRIS_X.drag_told_per_s, hover=IRIS_X.hover_command)
     rates = replace(
         shipped.rates,
         roll=quadrotor.gains(quadrotor.RATE_PER_S, x, quadrotor.LEAD_S),

@@ -24,13 +24,14 @@ class RateLoopState:
 
 
 class Conditions(NamedTuple):
-    """Conditions of a step that the loops of all axes share. flies: the rotors are on; airborne: the vehicle is off the
-    ground."""
+    """Conditions of a step that the loops of all axes share. flies: the rotors are on; landed: the vehicle stands on the
+    ground, so that the integral decays; touches: it may stand there, so that the integral stays."""
 
     d_alpha_q31: Integer
     integral_max_q30: Integer
     flies: Integer
-    airborne: Integer
+    landed: Integer
+    touches: Integer = False
 
 
 def rate_loop_step(c: RateLoopState, p: Params, group: str, shared: Conditions, asked: Integer, rate: Integer) -> None:
@@ -42,9 +43,9 @@ def rate_loop_step(c: RateLoopState, p: Params, group: str, shared: Conditions, 
     limit = shared.integral_max_q30
     winds_up = ((c.excess_q24 > 0) & (error > 0)) | ((c.excess_q24 < 0) & (error < 0))
     grown = clamp(c.integral_q30 + mul(error, p[f"{group}.ki_dt_q35"]), -limit, limit)
-    in_air = select(winds_up, c.integral_q30, grown)
+    in_air = select(winds_up | shared.touches, c.integral_q30, grown)
     on_ground = c.integral_q30 - (c.integral_q30 >> 5)
-    c.integral_q30 = select(shared.flies, select(shared.airborne, in_air, on_ground), 0 * on_ground)
+    c.integral_q30 = select(shared.flies, select(shared.landed, on_ground, in_air), 0 * on_ground)
 
     direct = mul(error, p[f"{group}.kp_q29"]) + mul(asked >> 1, p[f"{group}.ff_q29"])
     c.demand_q24 = direct - 2 * mul(change, p[f"{group}.kd_q28"]) + (c.integral_q30 >> 6)

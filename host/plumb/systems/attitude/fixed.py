@@ -19,6 +19,7 @@ from plumb.systems.attitude.fixed_covariance import (
     VELOCITY_Q28,
     sat32,
 )
+from plumb.systems.attitude.fixed_flight import MAYBE_LANDED_BLOCKS, follow_flight
 from plumb.systems.attitude.fixed_gaps import (
     BRIDGED_MAX_Q18,
     LONGEST_RUN,
@@ -56,7 +57,6 @@ CLIPPED = GYRO_CLIPPED | ACCEL_CLIPPED
 BY_TURN_MAX_Q32 = 1 << 30
 TRAVEL_SQUARE_MAX_Q24 = 1 << 29
 """Of a velocity of +-4 g s in both axes."""
-CARRIED_Q18, TAKE_OFF_BLOCKS = 209715, 4
 
 
 def coned(c: ControlState) -> list[Integer]:
@@ -223,20 +223,18 @@ def measure_block(c: ControlState, p: Params) -> None:
 
 def measure_velocity(c: ControlState, p: Params) -> None:
     """The velocity that the block is measured to end with: zero, or in flight that of the drag."""
-    inverse = p["attitude.inverse_block_q32"]
-    thrust = c.thrust >= p["attitude.aid_thrust_q15"]
-    c.thrust_blocks = select(thrust, clamp(c.thrust_blocks + 1, 0, TAKE_OFF_BLOCKS), 0 * c.thrust_blocks)
-    before = c.airborne == 1
-    taken_off = thrust & (before | (c.thrust_blocks == TAKE_OFF_BLOCKS))
-    airborne = taken_off | ((thrust == 0) & before & (mul(c.force_sum[2], inverse) < CARRIED_Q18))
-    c.velocity_added = select(airborne != before, VELOCITY_ADDED_MAX_Q26, c.velocity_added)
+    inverse, before = p["attitude.inverse_block_q32"], c.airborne == 1
+    follow_flight(c, p)
+    airborne = c.carried_blocks < MAYBE_LANDED_BLOCKS
+    jumps, doubtful = airborne != before, airborne & (c.carried_blocks != 0)
+    c.velocity_added = select(jumps | doubtful, VELOCITY_ADDED_MAX_Q26, c.velocity_added)
     c.airborne = select(airborne, 1, 0 * c.gap)
     for i in HORIZONTAL:
         across = mul(wrap_i32(c.force_sum[i] - c.thrust_sum[i]), inverse)
         drag = sat32((-across * p["attitude.aid_s_q24"]) >> 14)
         measured = clamp(sat32(drag + (gained(c, p, i) >> 1)), -VELOCITY_Q28, VELOCITY_Q28 - 1)
         c.measured[i] = select(airborne, measured, 0 * measured)
-        c.travel[i] = select(airborne != before, 0 * measured, c.travel[i])
+        c.travel[i] = select(jumps, 0 * measured, c.travel[i])
 
 
 def control_valid(p: Params) -> bool:

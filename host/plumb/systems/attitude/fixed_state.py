@@ -18,6 +18,7 @@ STATES = range(10)
 BIAS, SCALE, TILT, VELOCITY = 0, 3, 6, 8
 CELL = [[max(i, j) * (max(i, j) + 1) // 2 + min(i, j) for j in STATES] for i in STATES]
 """Where the covariance of states i and j is."""
+LANDED_BLOCKS, ONE_G_Q18 = 67, 1 << 18
 JUDGED = UNSURE | ACCELERATING
 """Flags that the first slice after a block sets."""
 
@@ -59,8 +60,13 @@ class ControlState:
     thrust_sum: list[Integer] = field(default_factory=zeros(2))
     measured: list[Integer] = field(default_factory=zeros(2))
     thrust: Integer = 0
-    thrust_blocks: Integer = 0
     airborne: Integer = 0
+    carried_blocks: Integer = 0
+    thrust_blocks: Integer = 0
+    flown_blocks: Integer = 0
+    hover: Integer = 0
+    weight: Integer = 0
+    climb: Integer = 0
     travel: list[Integer] = field(default_factory=zeros(2))
     corrected: list[Integer] = field(default_factory=zeros(2))
     travel_excess: Integer = 0
@@ -96,7 +102,8 @@ SUMS = (
 KEPT = (
     "rate", "accel", "attitude", "up", "velocity_variance", "block_step", "missing_steps", "step", "half", "flags",
     "bridged_force", "gain", "row", "coupling", "half_lever", "tilt_growth", "velocity_growth", "force_before",
-    "measured", "thrust", "thrust_blocks", "airborne", "half_mean", "half_sixth", "accel_sixth", "started", "gap",
+    "measured", "thrust", "airborne", "carried_blocks", "thrust_blocks", "flown_blocks", "hover", "weight", "climb",
+    "half_mean", "half_sixth", "accel_sixth", "started", "gap",
     "gyro_run", "accel_run", "gyro_slope", "accel_slope",
 )  # fmt: skip
 """What a start leaves as it was."""
@@ -144,6 +151,7 @@ def control_init(p: Params) -> ControlState:
     c, zero = ControlState(), 0 * p["attitude.block_steps"]
     clear(c, NAMES, zero)
     c.attitude[0] = c.up[2] = zero + ONE_Q30
+    c.carried_blocks, c.weight, c.hover = zero + LANDED_BLOCKS, zero + ONE_G_Q18, zero + p["attitude.aid_hover_q15"]
     start(c, p)
     return c
 

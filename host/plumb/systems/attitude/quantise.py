@@ -32,6 +32,8 @@ TOLERANCE = 1e-3
 NEVER = 0.25
 """Stands for a share of 0 in a time constant: it is quantised to 0 again."""
 PERIODS_US = (1_000, 21_000)
+HOVER_MAX_Q15 = 27853
+"""Largest thrust command of a hover, 0.85."""
 DRAG_PER_S = (1 / 64, 16.0)
 """Drag of rotors by mass: what the integer of its inverse can say."""
 
@@ -163,7 +165,7 @@ def _aid(aid: Aid) -> dict[str, int]:
     return {
         "attitude.aid_s_q24": _word("aid.drag_per_s", aid.drag_per_s, inverse, 1 << 30),
         "attitude.aid_variance": _square("aid.velocity_mps", aid.velocity_mps, 1 / G_MPS2, 1 << 8, weight=1 / 64),
-        "attitude.aid_thrust_q15": _word("aid.thrust", aid.thrust, aid.thrust * (1 << 15), 32767, 1),
+        "attitude.aid_hover_q15": _word("aid.hover", aid.hover, aid.hover * (1 << 15), HOVER_MAX_Q15),
     }
 
 
@@ -227,7 +229,7 @@ def dequantise(params: ControlParams) -> AttitudeTuning:
     aid = Aid(
         drag_per_s=(1 << 24) / p["aid_s_q24"] if p["aid_s_q24"] else 0.0,
         velocity_mps=math.sqrt(p["aid_variance"] / 2**26) * G_MPS2,
-        thrust=p["aid_thrust_q15"] / (1 << 15),
+        hover=p["aid_hover_q15"] / (1 << 15),
     )
     return AttitudeTuning(
         period_us=round(dt * 1e6),

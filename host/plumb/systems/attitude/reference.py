@@ -46,8 +46,6 @@ REST_G, TILTED_COSINE = (0.95, 1.05), 0.9
 TRAVELS_G2S2, TRAVEL_HOLD = 0.001, 0.3
 """A smaller excess is no travel; it is remembered for 1 / 0.3 of the time that shows it."""
 LONGEST_RUN = 255
-CARRIED_G, TAKE_OFF_BLOCKS = 0.8, 4
-"""A body without thrust that feels more is carried by the ground; one with thrust for so many blocks flies."""
 BRIDGED_RAD, BRIDGED_G, BRIDGED_SUM_G = 0.43, 1200.0, 2100.0
 LASTING_PER_S = (1.0 / 128.0, 0.5)
 """What a velocity that lasts says of the tilt, by g s: on the ground, in flight."""
@@ -83,7 +81,9 @@ class Model:
 
     def begun(self) -> Filter:
         """The state before the first sample."""
-        return Filter(np.diag(self.start_variance), tilt_rad2=2.0 * float(self.start_variance[6]))
+        x = Filter(np.diag(self.start_variance), tilt_rad2=2.0 * float(self.start_variance[6]))
+        x.flight.hover = self.tuning.aid.hover
+        return x
 
     def restarted(self, x: Filter) -> Filter:
         """The state of a new start; it goes on with the attitude, which its blocks align."""
@@ -92,7 +92,7 @@ class Model:
         fresh.half_before, fresh.accel_before = x.half_before, x.accel_before
         fresh.force_before, fresh.half_mean = x.force_before, x.half_mean
         fresh.gap, fresh.runs, fresh.slopes = x.gap, x.runs, x.slopes
-        fresh.measured_gs, fresh.thrust_blocks, fresh.airborne = x.measured_gs, x.thrust_blocks, x.airborne
+        fresh.measured_gs, fresh.flight = x.measured_gs, x.flight
         fresh.block_step = x.block_step
         return fresh
 
@@ -298,23 +298,19 @@ class Model:
     def measure_velocity(self, x: Filter, sums: Sums, gained_gs: FloatArray) -> bool:
         """What the velocity is measured to be at the end of a block: zero, or in flight that of the rotors' drag.
 
-        Returns whether the vehicle has taken off or landed.
+        Returns whether neither is known: it has taken off or landed, or the ground may carry it.
         """
         aid, before = self.tuning.aid, x.airborne
-        thrust = aid.drag_per_s > 0.0 and sums.thrust >= aid.thrust
-        x.thrust_blocks = min(x.thrust_blocks + 1, TAKE_OFF_BLOCKS) if thrust else 0
-        upwards_g = float(gained_gs[2]) / self.block_s
-        if thrust:
-            x.airborne = before or x.thrust_blocks == TAKE_OFF_BLOCKS
-        else:
-            x.airborne = before and aid.drag_per_s > 0.0 and upwards_g < CARRIED_G
-        x.measured_gs = np.zeros(2)
+        x.measured_gs, mean_g = np.zeros(2), gained_gs / self.block_s
+        if aid.drag_per_s == 0.0:
+            return False
+        x.flight.follow(mean_g, sums.thrust, self.block_s)
         if x.airborne:
-            across_g = gained_gs[:2] / self.block_s - sums.thrust_force / self.steps
+            across_g = mean_g[:2] - sums.thrust_force / self.steps
             x.measured_gs = np.clip(-across_g / aid.drag_per_s + gained_gs[:2] / 2.0, -VELOCITY_GS, VELOCITY_GS)
         if x.airborne != before:
             x.travel_gs = np.zeros(2)
-        return x.airborne != before
+        return x.airborne != before or (x.airborne and x.flight.carried_blocks > 0)
 
     def tilt_growth(self, x: Filter, sums: Sums) -> float:
         """How much the tilt has become uncertain in a block, rad^2."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from plumb.spec.arrays import BoolArray, FloatArray
+from plumb.systems.attitude.reference_flight import FlightOfBlocks
 
 VARIANCE_LIMIT = 0.2
 VELOCITY_ADDED_G2S2 = 0.2
@@ -59,8 +60,7 @@ class Filter:
     corrected_rad: FloatArray = field(default_factory=lambda: np.zeros(2))
     rise_g: float = 0.0
     measured_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
-    thrust_blocks: int = 0
-    airborne: bool = False
+    flight: FlightOfBlocks = field(default_factory=FlightOfBlocks)
     gap: int = 0
     runs: list[int] = field(default_factory=lambda: [0, 0])
     slopes: list[float] = field(default_factory=lambda: [0.0, 0.0])
@@ -74,6 +74,10 @@ class Filter:
     transition: FloatArray = field(default_factory=lambda: np.eye(10))
     growth: FloatArray = field(default_factory=lambda: np.zeros(10))
     mean_radps: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def airborne(self) -> bool:
+        return self.flight.airborne
 
 
 @dataclass(frozen=True)

@@ -128,9 +128,9 @@ class Aid:
     velocity_mps: float = field(
         default=2.0, metadata=quantity("m/s", "standard deviation of the velocity that the drag tells")
     )
-    thrust: float = field(
-        default=0.3,
-        metadata=quantity(NUMBER, "thrust command, share of the most, from which the vehicle takes off"),
+    hover: float = field(
+        default=0.0,
+        metadata=quantity(NUMBER, "thrust command of a hover, share of the most, learned in flight; 0: unknown"),
     )
 
 

@@ -17,7 +17,7 @@ ACTS_S = REST_S + SETTLED_S
 """When the pilot begins."""
 HAPPENS_S = 9.0
 """When a gust, a push or a weak motor comes."""
-HEIGHT_M, CLIMB_M, CLIMB_MPS, SINK_MPS, LAND_AT_S = 30.0, 3.0, 1.0, 0.5, 20.0
+HEIGHT_M, CLIMB_MPS, SINK_MPS = 30.0, 1.0, 0.5
 WIND_MPS, GUST_MPS, WEAK_SHARE, KICK_RADPS = 5.0, 6.0, 0.8, 17.5
 """GUST_MPS: step of the wind; WEAK_SHARE: what is left of one rotor's thrust; KICK_RADPS: rate about x that a push of
 10 ms leaves."""
@@ -38,7 +38,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class Course:
-    """lands: takes off from the ground and lands on it. turns: in mode rate. gust_mps, kick_radps, weak: at happens_s.
+    """lands: takes off from the ground, climbs by climb_m, and lands from land_at_s on. turns: in mode rate. gust_mps, kick_radps, weak: at happens_s.
     lost_s: from when to when the receiver hears nothing. supply: share of the full thrust that the battery gives.
     cut_s: from when on the throttle is low. held: the stand does not let go, and the throttle stays low; on_its_back:
     it lies there upside down."""
@@ -48,6 +48,8 @@ class Course:
     seconds: float = 20.0
     wind_mps: float = 0.0
     lands: bool = False
+    climb_m: float = 3.0
+    land_at_s: float = 20.0
     grade: ImuGrade = MPU6050
     vibration_g: float = 0.3
     turns: tuple[Turn, ...] = ()
@@ -104,6 +106,10 @@ COURSES = {
     "yaw": Course("a full stick of yaw for 2 s with an empty battery", turns_about, 12.0, supply=0.45),
     "lost": replace(CALM, title="the receiver is lost for good", seconds=11.0, lost_s=(8.0, 99.0)),
     "heard-again": replace(CALM, title="the receiver is lost for 0.4 s", seconds=12.0, lost_s=(8.0, 8.4)),
+    "lost-low": replace(
+        CALM, title="the receiver is lost just above the ground", seconds=13.0, lands=True, climb_m=1.0, land_at_s=6.5,
+        lost_s=(7.0, 99.0),
+    ),
     "cut": replace(
         CALM, title="the throttle is cut, then the receiver lost", seconds=9.0, cut_s=8.0, lost_s=(8.02, 99.0)
     ),

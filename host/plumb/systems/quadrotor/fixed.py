@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from plumb.kernels.fixed import takeoff, validity
 from plumb.kernels.fixed.kernels import Params
@@ -16,7 +16,10 @@ from plumb.kernels.integers import Integer, clamp, mul, select
 from plumb.spec import declarations
 from plumb.systems.attitude import fixed as attitude
 from plumb.systems.attitude import fixed_state
-from plumb.systems.quadrotor.fixed_flight import HELD, LANDING, STOPPED, FlightState, Seen, decide, listen, watch
+from plumb.systems.quadrotor.fixed_flight import (
+    HELD, LANDING, STOPPED, TOUCHED_BLOCKS, WATCHED_BLOCKS, FlightState, Seen, decide, listen, set_throttle, watch,
+    watch_runaway,
+)  # fmt: skip
 from plumb.systems.quadrotor.fixed_mixer import mix
 
 __all__ = ["control_init", "control_step", "control_valid"]
@@ -28,7 +31,7 @@ ONE_Q28, ERROR_MAX_Q28, ON_ITS_BACK_Q28 = 1 << 28, 1 << 29, 1 << 22
 COPIED = ((fixed_state.GYRO_CLIPPED, 0), (fixed_state.ACCEL_CLIPPED, 1), (fixed_state.MISSING, 2),
           (fixed_state.UNSURE, 3))  # fmt: skip
 """Flags of attitude and their bits here."""
-AIRBORNE, FLIES, LEVELS, LOST, TILT_LIMITED, YAW_LIMITED, THRUST_MOVED = (1 << bit for bit in range(4, 11))
+AIRBORNE, FLIES, LEVELS, LOST, TILT_LIMITED, YAW_LIMITED, THRUST_MOVED, LANDED = (1 << bit for bit in range(4, 12))
 
 
 @dataclass(slots=True)
@@ -36,51 +39,61 @@ class ControlState:
     attitude: fixed_state.ControlState
     flight: FlightState
     loops: list[RateLoopState]
-    throttle: Integer
-    thrust: Integer
+    collective: Integer
+    """Thrust command of the step before, Q15, without what roll and pitch add to it; 0: the rotors are off."""
+    tilt_limited: Integer
     step: Integer
 
 
 def control_init(p: Params) -> ControlState:
     zero = 0 * p["quadrotor.low_q15"]
     loops = [RateLoopState(zero, zero, zero, zero) for _ in AXES]
-    flight = FlightState(zero + STOPPED, *[zero] * 8)
-    return ControlState(attitude.control_init(p), flight, loops, zero, zero, zero)
+    flight = FlightState(zero + STOPPED, *[zero] * (len(fields(FlightState)) - 1))
+    estimator = attitude.control_init(p)
+    flight.hover, flight.carried_blocks = estimator.hover, estimator.carried_blocks
+    return ControlState(estimator, flight, loops, zero, zero != 0, zero)
 
 
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: Integer) -> tuple[Integer, ...]:
     """One step; returns the values of the record's words, in order."""
     c.step = c.step + 1
     a, f = c.attitude, c.flight
-    attitude.control_step(a, p, raw[:6], c.thrust >> 9)
+    attitude.control_step(a, p, raw[:6], c.collective)
     seen_flags = a.flags | a.block_flags
     unsure = (seen_flags & fixed_state.UNSURE) != 0
-    airborne = a.airborne == 1
+    airborne, landed = a.airborne == 1, a.carried_blocks == fixed_state.LANDED_BLOCKS
+    f.hover, f.climb, f.carried_blocks = a.hover, a.climb, a.carried_blocks
     *sticks, switches, receiver = raw[6:11]
     seen = Seen(
         throttle=clamp(setpoint, 0, THROTTLE_MAX_Q15),
         missing=(seen_flags & fixed_state.MISSING) != 0,
         airborne=airborne,
+        landed=landed,
+        watched=landed | (a.flown_blocks < WATCHED_BLOCKS),
         unsure=unsure,
         on=(switches & 1) != 0,
         mode_rate=(switches & 2) != 0,
     )
     lost = listen(f, p, receiver)
     watch(f, p, seen, a.rate, a.accel, a.up[2])
+    watch_runaway(f, seen, c.tilt_limited, c.loops, a.rate)
     decide(f, p, seen, lost)
 
     flies = seen.on & (f.phase != STOPPED)
-    held, landing = f.phase == HELD, f.phase == LANDING
-    c.throttle = select(held, c.throttle, select(landing, p["quadrotor.land_q15"], seen.throttle))
-    alone = held | landing
+    alone = (f.phase == HELD) | (f.phase == LANDING)
+    set_throttle(f, p, seen.throttle, a.block_step == 0)
     sticks = [select(alone, 0 * stick, stick) for stick in sticks]
-    levels = (alone | (seen.mode_rate == 0)) & ((airborne & unsure) == 0)
-    error, asked = ask(p, sticks, levels, a.up)
-    shared = Conditions(p["quadrotor.d_alpha_q31"], p["quadrotor.integral_max_q30"], flies, airborne)
+    levels = alone | (seen.mode_rate == 0)
+    rate_max, slow = p["quadrotor.tilt_rate_max_q28"], p["quadrotor.unsure_rate_q28"]
+    error, asked = ask(p, sticks, levels, a.up, select(unsure & (slow < rate_max), slow, rate_max))
+    touches = f.carried_blocks >= TOUCHED_BLOCKS
+    shared = Conditions(p["quadrotor.d_alpha_q31"], p["quadrotor.integral_max_q30"], flies, landed, touches)
     for name, loop, wanted, rate in zip(AXES, c.loops, asked, a.rate, strict=True):
         rate_loop_step(loop, p, f"rate_{name}", shared, wanted, rate)
-    mixed = mix(p, flies, airborne, c.throttle, [loop.demand_q24 for loop in c.loops])
-    c.thrust = mixed.thrust
+    mixed = mix(p, flies, landed == 0, f.throttle, [loop.demand_q24 for loop in c.loops])
+    least = clamp(p["quadrotor.idle_q24"] >> 9, 1, THROTTLE_MAX_Q15)
+    c.collective = select(flies, clamp(f.throttle, least, THROTTLE_MAX_Q15), 0 * least)
+    c.tilt_limited = mixed.tilt_limited
     for loop, excess in zip(c.loops, mixed.excess, strict=True):
         loop.excess_q24 = excess
 
@@ -90,10 +103,11 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     for condition, bit in (
         (airborne, AIRBORNE), (flies, FLIES), (levels, LEVELS), (lost, LOST), (mixed.tilt_limited, TILT_LIMITED),
         (mixed.yaw_limited, YAW_LIMITED), (mixed.thrust_moved, THRUST_MOVED),
+        (landed, LANDED),
     ):  # fmt: skip
         flags = flags | select(condition, bit, 0)
     return (
-        *raw, setpoint, *a.rate, *a.attitude, *a.up, a.tilt_variance, *f.words(), c.throttle, *error, *asked,
+        *raw, setpoint, *a.rate, *a.attitude, *a.up, a.tilt_variance, *f.words(), *error, *asked,
         *(word for loop in c.loops for word in loop.words()), mixed.thrust, *mixed.rotors, *mixed.pulses,
         flags, c.step,
     )  # fmt: skip
@@ -105,15 +119,15 @@ def by_stick(stick: Integer, most: Integer) -> Integer:
 
 
 def ask(
-    p: Params, sticks: Sequence[Integer], levels: Integer, up: Sequence[Integer]
+    p: Params, sticks: Sequence[Integer], levels: Integer, up: Sequence[Integer], rate_max: Integer
 ) -> tuple[list[Integer], list[Integer]]:
-    """The error of the vertical, and the rates that are asked for."""
+    """The error of the vertical, and the rates that are asked for. rate_max: most that the error asks for, turn/s Q28."""
     roll, pitch, yaw = sticks
     yaw_rate = by_stick(yaw, p["quadrotor.yaw_rate_max_q28"])
     most = p["quadrotor.stick_rate_q28"]
     by_rate = [by_stick(roll, most), by_stick(pitch, most), yaw_rate]
     error = error_of_vertical(p, roll, pitch, up)
-    m = p["quadrotor.tilt_rate_max_q28"] >> 4
+    m = rate_max >> 4
     by_lean = [
         16 * clamp(mul(e, p["quadrotor.tilt_gain_q28"]), -m, m) + 4 * mul(yaw_rate, part)
         for e, part in zip(error, up, strict=True)

@@ -35,10 +35,10 @@ def larger(a: Integer, b: Integer) -> Integer:
     return select(a > b, a, b)
 
 
-def mix(p: Params, flies: Integer, airborne: Integer, throttle: Integer, demand: Sequence[Integer]) -> Mixed:
+def mix(p: Params, flies: Integer, may_fly: Integer, throttle: Integer, demand: Sequence[Integer]) -> Mixed:
     """Roll and pitch come first, together; yaw gets what they leave; the thrust gives way to all three."""
     idle = p["quadrotor.idle_q24"]
-    free = (p["quadrotor.airmode"] == 1) & airborne
+    free = (p["quadrotor.airmode"] == 1) & may_fly
     asked = throttle << 9
     half = (FULL_Q24 - idle) >> 1
     half = select(free, half, clamp(asked - idle, 0, half))

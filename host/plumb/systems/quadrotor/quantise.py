@@ -7,6 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from plumb.systems.attitude import quantise as attitude
+from plumb.systems.attitude.quantise import G_MPS2
 from plumb.systems.quadrotor.tuning import Level, Mixer, QuadrotorTuning, RateGains, Rates, Receiver, Stops
 from plumb.tuning.groups import esc_of, esc_words, refuse, whole
 from plumb.tuning.quantise import ControlParams
@@ -22,6 +23,8 @@ LEAN_MAX = 644245094
 RATE_MAX, YAW_MAX = 1342177280, 738197504
 """Largest rates that sticks and lean, or yaw, ask for, turn/s Q28."""
 GAIN_MAX = 1 << 30
+DESCENT_MAX = 1 << 27
+"""Fastest descent of a landing, 0.5 g s, Q28."""
 
 
 def quantise(tuning: QuadrotorTuning) -> ControlParams:
@@ -48,6 +51,8 @@ def quantise(tuning: QuadrotorTuning) -> ControlParams:
         "quadrotor.blind_steps": _steps("stops.blind_s", tuning.stops.blind_s, dt),
         "quadrotor.idle_limit": _steps("stops.idle_s", tuning.stops.idle_s, dt),
         "quadrotor.lying_limit": _steps("stops.lying_s", tuning.stops.lying_s, dt),
+        "quadrotor.runaway_limit": _steps("stops.runaway_s", tuning.stops.runaway_s, dt),
+        "quadrotor.upturned_limit": _steps("stops.upturned_s", tuning.stops.upturned_s, dt),
     }
     for axis in AXES:
         own.update(_gains(axis, getattr(rates, axis), dt, alpha))
@@ -92,6 +97,7 @@ def _level(level: Level) -> dict[str, int]:
             "level.gain_per_s", level.gain_per_s, level.gain_per_s / math.tau * 2**28, MOST
         ),
         "quadrotor.tilt_rate_max_q28": _rate("level.rate_max_dps", level.rate_max_dps, RATE_MAX),
+        "quadrotor.unsure_rate_q28": _rate("level.unsure_rate_max_dps", level.unsure_rate_max_dps, RATE_MAX),
     }
 
 
@@ -101,7 +107,9 @@ def _receiver(receiver: Receiver, dt: float) -> dict[str, int]:
         "quadrotor.held_steps": _steps("receiver.held_s", receiver.held_s, dt, 0),
         "quadrotor.back_steps": _steps("receiver.back_s", receiver.back_s, dt),
         "quadrotor.lost_action": _choice("receiver.lands", receiver.lands),
-        "quadrotor.land_q15": _share("receiver.land_throttle", receiver.land_throttle, 15, (1 << 15) - 1),
+        "quadrotor.land_gs_q28": _word(
+            "receiver.land_mps", receiver.land_mps, receiver.land_mps / G_MPS2 * 2**28, DESCENT_MAX
+        ),
         "quadrotor.land_steps": _steps("receiver.land_s", receiver.land_s, dt),
     }
 
@@ -140,6 +148,7 @@ def dequantise(params: ControlParams) -> QuadrotorTuning:
             lean_max_deg=math.degrees(math.asin(p["tilt_max_q30"] / 2**30)),
             gain_per_s=p["tilt_gain_q28"] / 2**28 * math.tau,
             rate_max_dps=p["tilt_rate_max_q28"] / 2**28 * TURN,
+            unsure_rate_max_dps=p["unsure_rate_q28"] / 2**28 * TURN,
         ),
         mixer=Mixer(p["idle_q24"] / 2**24, p["yaw_max_q24"] / 2**24, p["airmode"], p["low_q15"] / 2**15),
         receiver=Receiver(
@@ -147,10 +156,16 @@ def dequantise(params: ControlParams) -> QuadrotorTuning:
             held_s=p["held_steps"] * dt,
             back_s=p["back_steps"] * dt,
             lands=p["lost_action"],
-            land_throttle=p["land_q15"] / 2**15,
+            land_mps=p["land_gs_q28"] / 2**28 * G_MPS2,
             land_s=p["land_steps"] * dt,
         ),
-        stops=Stops(p["blind_steps"] * dt, p["idle_limit"] * dt, p["lying_limit"] * dt),
+        stops=Stops(
+            blind_s=p["blind_steps"] * dt,
+            idle_s=p["idle_limit"] * dt,
+            lying_s=p["lying_limit"] * dt,
+            runaway_s=p["runaway_limit"] * dt,
+            upturned_s=p["upturned_limit"] * dt,
+        ),
         esc=esc_of(params),
         exact_period_s=estimator.exact_period_s,
     )

@@ -1,7 +1,7 @@
 """`quadrotor` in float64: from counts, throttle and sticks to four rotors.
 
-The vertical and the rates are those of the float64 model of attitude, which runs a step at a time: the thrust that it
-is told is that of the step before, which depends on its attitude.
+The vertical and the rates are those of the float64 model of attitude, which runs a step at a time: its thrust command
+is the throttle of the step before, which depends on its attitude.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from plumb.spec.arrays import FloatArray
 from plumb.systems.attitude.quantise import DEG
 from plumb.systems.attitude.reference import ALIGNING_BLOCKS, Model
 from plumb.systems.attitude.reference_state import JUDGES, Filter, Samples
-from plumb.systems.quadrotor.reference_flight import Flight, Inputs, Phase, Seen
+from plumb.systems.quadrotor.reference_flight import TOUCHED_BLOCKS, Flight, Inputs, Phase, Seen
 from plumb.systems.quadrotor.reference_rates import RateLoop, asked_rates, mix
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
@@ -25,6 +25,7 @@ NAMES = (
     *(f"rate_{axis}_dps" for axis in "xyz"),
     *(f"asked_{axis}_dps" for axis in "xyz"),
     "thrust",
+    "collective",
     *(f"rotor_{number}" for number in range(4)),
 )
 FULL = 2.0**15
@@ -43,7 +44,6 @@ class Sensing:
     model: Model
     samples: Samples
     x: Filter
-    airborne: bool = False
     unsure: bool = True
 
     @classmethod
@@ -52,24 +52,24 @@ class Sensing:
         model = Model(own)
         return cls(model, model.taken(counts, np.zeros(len(counts))), model.begun())
 
-    def step(self, step: int, thrust: float) -> Seen:
-        """What the sample of this step tells. thrust: mean command of the rotors in the step before."""
-        self.samples.thrust[step] = thrust
-        aligned, judges = self.x.aligned_blocks == ALIGNING_BLOCKS, self.x.left == JUDGES
+    def step(self, step: int, collective: float) -> Seen:
+        """What the sample of this step tells. collective: thrust command of the step before, without what roll and pitch
+        add to it; 0: the rotors are off."""
+        self.samples.thrust[step] = collective
+        judges = self.x.left == JUDGES
         self.x, _ = self.model.advanced(self.x, self.samples, step, step + 1)
         x = self.x
         if x.aligned_blocks < ALIGNING_BLOCKS:
-            self.airborne, self.unsure = False, True
+            self.unsure = True
         elif judges and x.left != JUDGES:
             self.unsure = x.tilt_rad2 > 2.0 * (DEG * self.model.tuning.motion.unsure_deg) ** 2
-        if x.block_step == 0 and aligned and x.aligned_blocks == ALIGNING_BLOCKS:
-            self.airborne = x.airborne
         return Seen(
             rate_dps=x.half_before * (2.0 / self.model.period_s / DEG),
             accel_g=x.accel_before,
             up=vertical_of(x.attitude),
             missing=bool(self.samples.missing[step]),
-            airborne=self.airborne,
+            flight=x.flight,
+            block_ends=x.block_step == 0,
             unsure=self.unsure,
         )
 
@@ -95,24 +95,28 @@ def one_run(tuning: QuadrotorTuning, raw: FloatArray, throttle: FloatArray) -> F
     """The columns NAMES of one run, (steps, names)."""
     sensing, flight, rates = Sensing.of(tuning, raw[:, :6]), Flight(tuning), tuning.rates
     loops = [RateLoop(gains) for gains in (rates.roll, rates.pitch, rates.yaw)]
-    found, thrust, held = np.zeros((len(raw), len(NAMES))), 0.0, 0.0
+    found, collective = np.zeros((len(raw), len(NAMES))), 0.0
     for step, given in enumerate(inputs_of(raw[:, 6:11], throttle)):
-        seen = sensing.step(step, thrust)
-        phase = flight.step(given, seen)
+        seen = sensing.step(step, collective)
+        phase = flight.step(given, seen, loops[:2])
         flies, alone = given.on and phase is not Phase.STOPPED, phase in (Phase.HELD, Phase.LANDING)
-        if phase is not Phase.HELD:
-            held = tuning.receiver.land_throttle if phase is Phase.LANDING else given.throttle
-        levels = (alone or not given.mode_rate) and not (seen.airborne and seen.unsure)
-        asked = asked_rates(tuning, (0.0, 0.0, 0.0) if alone else given.sticks, levels, seen.up)
+        levels, landed = alone or not given.mode_rate, seen.flight.landed
+        rate_max_dps = tuning.level.rate_max_dps
+        if seen.unsure:
+            rate_max_dps = min(rate_max_dps, tuning.level.unsure_rate_max_dps)
+        sticks = (0.0, 0.0, 0.0) if alone else given.sticks
+        asked = asked_rates(tuning, sticks, levels, seen.up, rate_max_dps)
+        touches = seen.flight.carried_blocks >= TOUCHED_BLOCKS
         demand = np.array([
-            loop.step(rates, tuning.period_s, *both, flies=flies, airborne=seen.airborne)
+            loop.step(rates, tuning.period_s, *both, flies=flies, landed=landed, touches=touches)
             for loop, *both in zip(loops, asked.tolist(), seen.rate_dps.tolist(), strict=True)
         ])  # fmt: skip
-        mixed = mix(tuning.mixer, held, demand, airborne=seen.airborne)
-        thrust = mixed.thrust if flies else 0.0
+        mixed = mix(tuning.mixer, flight.throttle, demand, may_fly=not landed)
+        thrust, flight.limited = mixed.thrust if flies else 0.0, flies and mixed.limited
+        before, collective = collective, max(flight.throttle, tuning.mixer.idle, 2.0**-15) if flies else 0.0
         for loop, excess in zip(loops, (demand - mixed.got).tolist(), strict=True):
             loop.excess = excess if flies else 0.0
-        found[step] = [*seen.up, *seen.rate_dps, *asked, thrust, *(mixed.rotors if flies else (0.0,) * 4)]
+        found[step] = [*seen.up, *seen.rate_dps, *asked, thrust, before, *(mixed.rotors if flies else (0.0,) * 4)]
     return found
 
 
@@ -123,7 +127,7 @@ def run_control(
     their defaults; setpoint: throttle, Q15 (steps[, runs]), default 0.
 
     Returns float arrays (steps[, runs]) by name: the vertical and the rates in body axes, the rates that are asked
-    for, mean and single commands of the rotors, 0 to 1.
+    for, mean and single commands of the rotors, the thrust command of attitude, 0 to 1.
     """
     given = np.asarray(raw, np.float64)
     throttle = np.zeros((len(given), *given.shape[2:]))

@@ -34,9 +34,9 @@ def error_of_vertical(lean: tuple[float, float], up: FloatArray) -> FloatArray:
 
 
 def asked_rates(
-    tuning: QuadrotorTuning, sticks: tuple[float, float, float], levels: bool, up: FloatArray
+    tuning: QuadrotorTuning, sticks: tuple[float, float, float], levels: bool, up: FloatArray, rate_max_dps: float
 ) -> FloatArray:
-    """Rates that are asked for, deg/s in body axes (3,)."""
+    """Rates that are asked for, deg/s in body axes (3,). rate_max_dps: most that the error of the vertical asks for."""
     rates, level = tuning.rates, tuning.level
     roll, pitch, yaw = sticks
     yaw_dps = yaw * rates.yaw_max_dps
@@ -44,7 +44,7 @@ def asked_rates(
         return np.array([roll * rates.roll_pitch_max_dps, pitch * rates.roll_pitch_max_dps, yaw_dps])
     sine = math.sin(math.radians(level.lean_max_deg))
     error = error_of_vertical((roll * sine, pitch * sine), up)
-    upright = np.clip(np.degrees(level.gain_per_s * error), -level.rate_max_dps, level.rate_max_dps)
+    upright = np.clip(np.degrees(level.gain_per_s * error), -rate_max_dps, rate_max_dps)
     return np.asarray(upright + yaw_dps * up)
 
 
@@ -56,10 +56,12 @@ class RateLoop:
     rate_filtered_dps: float = 0.0
     integral: float = 0.0
     excess: float = 0.0
+    demand: float = 0.0
 
     def step(
-        self, rates: Rates, period_s: float, asked_dps: float, rate_dps: float, *, flies: bool, airborne: bool
-    ) -> float:
+        self, rates: Rates, period_s: float, asked_dps: float, rate_dps: float, *, flies: bool, landed: bool,
+        touches: bool = False,
+    ) -> float:  # fmt: skip
         """The command that the axis asks for."""
         error_dps = asked_dps - rate_dps
         alpha = 1.0 - math.exp(-period_s / rates.d_tau_s) if rates.d_tau_s else 1.0
@@ -67,27 +69,30 @@ class RateLoop:
         self.rate_filtered_dps += change_dps
         if not flies:
             self.integral = 0.0
-        elif not airborne:
+        elif landed:
             self.integral *= KEPT_ON_GROUND
-        elif self.excess * error_dps <= 0.0:
+        elif not touches and self.excess * error_dps <= 0.0:
             grown = self.integral + self.gains.ki_per_deg * period_s * error_dps
             self.integral = min(max(grown, -rates.integral_max), rates.integral_max)
         direct = self.gains.kp_per_dps * error_dps + self.gains.ff_per_dps * asked_dps
-        return direct - self.gains.kd_per_dps2 * change_dps / period_s + self.integral
+        self.demand = direct - self.gains.kd_per_dps2 * change_dps / period_s + self.integral
+        return self.demand
 
 
 @dataclass(frozen=True)
 class Mixed:
-    """Commands of the rotors (4,), 0 to 1, their mean, and what roll, pitch and yaw got (3,)."""
+    """Commands of the rotors (4,), 0 to 1, their mean, what roll, pitch and yaw got (3,); limited: roll and pitch asked
+    for more."""
 
     rotors: FloatArray
     thrust: float
     got: FloatArray
+    limited: bool
 
 
-def mix(settings: Mixer, throttle: float, demand: FloatArray, *, airborne: bool) -> Mixed:
+def mix(settings: Mixer, throttle: float, demand: FloatArray, *, may_fly: bool) -> Mixed:
     """Roll and pitch come first, together; yaw gets what they leave; the thrust gives way to all three."""
-    idle, free = settings.idle, bool(settings.airmode) and airborne
+    idle, free = settings.idle, bool(settings.airmode) and may_fly
     half = (1.0 - idle) / 2.0
     if not free:
         half = min(max(throttle - idle, 0.0), half)
@@ -100,4 +105,4 @@ def mix(settings: Mixer, throttle: float, demand: FloatArray, *, airborne: bool)
     got = np.array([*tilt, min(max(float(demand[2]), -most), most)])
     added = got @ AXES
     thrust = min(max(throttle, idle - float(added.min())), 1.0 - float(added.max()))
-    return Mixed(np.clip(thrust + added, idle, 1.0), thrust, got)
+    return Mixed(np.clip(thrust + added, idle, 1.0), thrust, got, total > half)

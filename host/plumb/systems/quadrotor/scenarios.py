@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from plumb.errors import UsageError
+from plumb.physics.airframe import HUMMINGBIRD_X
 from plumb.physics.disturbance import Request
 from plumb.physics.imu import DRAWS, MPU6050, TWO_CHIPS
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
@@ -29,7 +30,7 @@ PERIOD_US = 2_500
 PERIODS_US = (1_250, 5_000)
 SUB_STEP_US = 1_250
 UNSURE_DEG = 10.0
-"""Beyond this standard deviation of the tilt the sticks ask for rates."""
+"""Beyond this standard deviation of the tilt the error of the vertical asks for slow rates alone."""
 NOISES, STICKS = 9, 1200
 
 SCENARIOS = {name: course.title for name, course in courses.COURSES.items()}
@@ -66,6 +67,7 @@ ESTIMATOR = replace(
     gyro=MPU6050.gyro,
     accel=MPU6050.accel,
     motion=replace(ESTIMATORS["vehicle"].motion, unsure_deg=UNSURE_DEG),
+    aid=replace(ESTIMATORS["vehicle"].aid, hover=HUMMINGBIRD_X.hover_command),
 )
 TILT = gains(RATE_PER_S, ROLL_ACCEL_RADPS2, LEAD_S)
 HUMMINGBIRD = QuadrotorTuning(

@@ -18,6 +18,9 @@ class Level:
         default=6.0, metadata=quantity("1/s", "rate that is asked for by the sine of the error of the vertical")
     )
     rate_max_dps: float = field(default=360.0, metadata=quantity("deg/s", "largest rate that the error asks for"))
+    unsure_rate_max_dps: float = field(
+        default=90.0, metadata=quantity("deg/s", "the same while the estimator is unsure of the vertical")
+    )
 
 
 @dataclass(frozen=True)
@@ -68,16 +71,17 @@ class Mixer:
 
 @dataclass(frozen=True)
 class Receiver:
-    """What happens without the receiver: level and throttle are held, then the rotors stop or the vehicle lands."""
+    """What happens without the receiver: level and throttle, at most that of a hover, are held; then the rotors stop or
+    the vehicle lands."""
 
     lost_s: float = field(default=0.1, metadata=quantity("s", "time without a new frame after which it is lost"))
-    held_s: float = field(default=0.5, metadata=quantity("s", "time for which level and throttle are held"))
+    held_s: float = field(default=1.0, metadata=quantity("s", "time for which level and throttle are held"))
     back_s: float = field(
         default=1.0, metadata=quantity("s", "time of good frames after which a landing vehicle obeys again")
     )
     lands: int = field(default=0, metadata=quantity(NUMBER, "0: then the rotors stop; 1: the vehicle lands"))
-    land_throttle: float = field(default=0.4, metadata=quantity(NUMBER, "throttle of that landing"))
-    land_s: float = field(default=10.0, metadata=quantity("s", "time after which the rotors of a landing stop"))
+    land_mps: float = field(default=1.0, metadata=quantity("m/s", "speed of descent of that landing"))
+    land_s: float = field(default=60.0, metadata=quantity("s", "time after which the rotors of a landing stop"))
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,11 @@ class Stops:
 
     blind_s: float = field(default=0.05, metadata=quantity("s", "time without a sample"))
     idle_s: float = field(default=10.0, metadata=quantity("s", "time on the ground with the throttle low"))
-    lying_s: float = field(default=1.0, metadata=quantity("s", "time at rest on its back with the throttle low"))
+    lying_s: float = field(default=1.0, metadata=quantity("s", "time at rest on its side or back with the throttle low"))
+    runaway_s: float = field(
+        default=0.04, metadata=quantity("s", "time at the take-off in which a rate grows against its limited command")
+    )
+    upturned_s: float = field(default=2.0, metadata=quantity("s", "time upside down although level is asked for"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -168,7 +168,7 @@ class Vehicles:
         if flying and not self.course.held:
             self.thrust_n = self._collective.thrust_n(body, *self._height(now_s))
         self.rate_dps = next((one.rate_dps for one in self.course.turns if one.begin_s <= now_s < one.end_s), None)
-        if self.course.lands and now_s > courses.LAND_AT_S:
+        if self.course.lands and now_s > self.course.land_at_s:
             self.landed |= self._ground.touched(body.position_m, TOUCHED_M)
         frame = int(now_s / FRAME_S + 1e-6)
         begin_s, end_s = self.course.lost_s
@@ -181,10 +181,10 @@ class Vehicles:
         if not self.course.lands:
             return begin_m, 0.0
         since_s = now_s - courses.REST_S
-        if now_s < courses.LAND_AT_S:
-            rising = since_s * courses.CLIMB_MPS < courses.CLIMB_M
-            return begin_m + min(since_s * courses.CLIMB_MPS, courses.CLIMB_M), courses.CLIMB_MPS if rising else 0.0
-        return begin_m + courses.CLIMB_M - courses.SINK_MPS * (now_s - courses.LAND_AT_S), -courses.SINK_MPS
+        if now_s < self.course.land_at_s:
+            rising = since_s * courses.CLIMB_MPS < self.course.climb_m
+            return begin_m + min(since_s * courses.CLIMB_MPS, self.course.climb_m), courses.CLIMB_MPS if rising else 0.0
+        return begin_m + self.course.climb_m - courses.SINK_MPS * (now_s - self.course.land_at_s), -courses.SINK_MPS
 
     def _hear(self, number: int, flying: bool) -> None:
         roll, pitch = self.lean_rad

@@ -147,7 +147,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     flags = record[-2] | turn_flags
     stop_reason = select(on & stopped, STOP_RIDER, 0) | select((flags & FALLEN) != 0, STOP_FALLEN, 0)
     drives = on & (stop_reason == 0)
-    shared = Conditions((1 << 31) - 1, p["wheels.integral_max_q30"], drives, slips == 0)
+    shared = Conditions((1 << 31) - 1, p["wheels.integral_max_q30"], drives, landed=slips != 0)
     rate_loop_step(c.turn, p, "turn", shared, asked_turn, rate)
     room = p["drive.duty_max_q15"] - abs(duty)
     room = select(room < p["wheels.turn_duty_max_q15"], room, p["wheels.turn_duty_max_q15"])
