@@ -242,7 +242,7 @@ void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB
         plumb_phone_step(&c->phone, p, raw, setpoint);
         return;
     }
-    if (__builtin_expect(p->system == PLUMB_SYSTEM_WHEELS, 1)) { /* 1600 cycles */
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_WHEELS, 1)) { /* 1700 cycles */
         plumb_wheels_step(&c->wheels, p, raw, setpoint);
         return;
     }

@@ -35,10 +35,22 @@ def test_there_is_an_image_of_each_system_of_each_set_and_of_all() -> None:
 
 def test_every_image_may_take_what_a_c8_has_and_the_smaller_less() -> None:
     found = images.images()
-    largest = found[images.ALL]
-    assert largest.flash_bytes <= C8_FLASH and largest.ram_bytes < C8_RAM
+    assert found[images.ALL].ram_bytes < C8_RAM
     for image in found.values():
-        assert image.flash_bytes <= largest.flash_bytes and image.ram_bytes <= largest.ram_bytes
+        assert image.flash_bytes <= C8_FLASH and image.ram_bytes <= found[images.ALL].ram_bytes
+
+
+def test_a_system_may_say_how_much_flash_its_own_image_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(TOYS, tmp_path, dirs_exist_ok=True)
+    declared = tmp_path / "toy" / "system.toml"
+    text = declared.read_text(encoding="utf-8")
+    declared.write_text(f"flash_kib = 41\n{text}", encoding="utf-8")
+    monkeypatch.setenv(declarations.SEARCH_PATH, str(tmp_path))
+    assert images.image("toy").flash_bytes == 41 * 1024
+    for wrong in ("0", "61", "32.5", '"32"'):
+        declared.write_text(f"flash_kib = {wrong}\n{text}", encoding="utf-8")
+        with pytest.raises(UsageError, match=r"system\.toml: flash_kib is a whole number of 1 to 60, not "):
+            declarations.load_system(tmp_path / "toy")
 
 
 def test_a_new_system_has_an_image_and_is_in_all_without_an_edit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from plumb.spec import parameters
 from support.quadrotor_by_hand import GROUND_STEPS, ON_GROUND, TAKE_OFF_STEPS, WORDS
 
 Integers = npt.NDArray[np.int64]
-RUNS, STEPS = 16, 480
+RUNS, STEPS = 24, 480
 
 
 def wild_words(rng: np.random.Generator) -> dict[str, int]:
@@ -19,8 +19,9 @@ def wild_words(rng: np.random.Generator) -> dict[str, int]:
     any_of = {name: values[rng.integers(3)] for name, values in ends.items()}
     times = {"lost": 6, "held": 20, "back": 20, "land": 40, "blind": 30}
     short = {f"quadrotor.{name}_steps": int(rng.integers(1, most)) for name, most in times.items()}
-    limits = {"quadrotor.idle_limit": 60, "quadrotor.lying_limit": 20}
-    limits |= {"quadrotor.runaway_limit": int(rng.choice([1, 65535, 65535, 65535])), "quadrotor.upturned_limit": int(rng.choice([25, 65535]))}
+    limits = {"quadrotor.idle_limit": 60, "quadrotor.lying_limit": 8}
+    limits["quadrotor.runaway_limit"] = int(rng.choice([1, 65535, 65535, 65535]))
+    limits["quadrotor.upturned_limit"] = int(rng.choice([14, 65535]))
     limits["quadrotor.low_q15"] = int(rng.choice([1, ON_GROUND]))
     sensors = {"gyro.raw_max": 30000, "attitude.unsure": int(rng.choice([0, WORDS["attitude.unsure"]]))}
     return {**WORDS, **any_of, **short, **limits, **sensors}

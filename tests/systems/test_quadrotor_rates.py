@@ -94,9 +94,7 @@ def loop(
 ) -> RateLoopState:
     """A step with an integral of 1/16 before it."""
     state = RateLoopState(0, 1 << 26, 0, excess)
-    shared = Conditions(
-        WORDS["quadrotor.d_alpha_q31"], WORDS["quadrotor.integral_max_q30"], flies, landed, touches
-    )
+    shared = Conditions(WORDS["quadrotor.d_alpha_q31"], WORDS["quadrotor.integral_max_q30"], flies, landed, touches)
     rate_loop_step(state, WORDS, "rate_roll", shared, round(error_turnps * TURN_Q28), 0)
     return state
 

@@ -41,7 +41,7 @@ def off(record: dict[str, int]) -> bool:
 
 def test_one_run_and_many_runs_are_the_same_code() -> None:
     """Ints without a limit against int64, and every word within its type."""
-    rng = np.random.default_rng(26)
+    rng = np.random.default_rng(30)
     words = [wild_words(rng) for _ in range(RUNS)]
     assert all(fixed.control_valid(one) for one in words)
     raw, throttle = wild_inputs(rng)
@@ -389,7 +389,9 @@ def test_idle_on_the_ground_stops_the_rotors_but_not_in_the_air() -> None:
     assert (record["phase"], record["idle_steps"]) == (FLOWN, 0)
 
 
-@pytest.mark.parametrize("doing", ["lies", "on its side", "turns", "mode rate", "with throttle", "on a slope", "falls", "is pulled"])
+@pytest.mark.parametrize(
+    "doing", ["lies", "on its side", "turns", "mode rate", "with throttle", "on a slope", "falls", "is pulled"]
+)
 def test_lying_on_its_back_stops_the_rotors(doing: str) -> None:
     x, y, z = leaning({"on its side": 65.0, "on a slope": 55.0}.get(doing, 160.0))
     vehicle = quadrotor((x, y, z), lying_limit=100, airmode=0)

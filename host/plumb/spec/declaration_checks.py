@@ -48,6 +48,8 @@ _ROW: dict[str, type] = {
     **dict.fromkeys(("name", "owner", "type", "unit", "format", "doc"), str),
     **dict.fromkeys(("min", "max", "default"), int),
 }
+FLASH_KIB_MOST = 60
+"""Flash of an STM32F103C8 below its parameters."""
 UNLISTED_IMAGES = ("alone", "alone_on_others", "all")
 """Tables of images.toml that every system is in: its own image, and that of all systems."""
 _OPTIONAL = {"was", "live", "weakens", "armed", "harmless"}
@@ -247,6 +249,8 @@ def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTa
         raise UsageError(f"missing_samples is held or marked, not {system.missing_samples}")
     if not isinstance(system.in_all, bool):
         raise UsageError(f"in_all is true or false, not {system.in_all!r:.40}")
+    if system.flash_kib is not None and system.flash_kib not in range(1, FLASH_KIB_MOST + 1):
+        raise UsageError(f"flash_kib is a whole number of 1 to {FLASH_KIB_MOST}, not {system.flash_kib!r:.40}")
     if system.optimise not in ("speed", "size"):
         raise UsageError(f"optimise is speed or size, not {system.optimise}")
     if len(system.channels) > COUNTS_MAX:

@@ -205,6 +205,7 @@ def _system(folder: Path, table: TomlTable, above: tuple[str, ...]) -> System:
         default_for=tuple(table.get("default_for", ())),
         images=tuple(table.get("images", ())),
         in_all=table.get("in_all", True),
+        flash_kib=table.get("flash_kib"),
         step_commands=step_commands,
         command_source=table.get("command_source", "link"),
         stands_on=tuple(base.name for base in bases),

@@ -14,7 +14,7 @@ from pathlib import Path
 from plumb.errors import UsageError
 from plumb.spec import declarations
 from plumb.spec.declaration_checks import UNLISTED_IMAGES
-from plumb.spec.system import group_of
+from plumb.spec.system import System, group_of
 
 ALWAYS_HELD = ("esc",)
 """Groups that every image holds: the outputs carry neutral pulses with every system."""
@@ -39,10 +39,7 @@ class Image:
 def images() -> dict[str, Image]:
     """Name -> image: of each system alone, of the sets that have a system, and of all systems."""
     systems, limits = declarations.systems(), declarations.image_limits()
-    found = {
-        name: Image(name, (name,), *limits[ALONE_ON_OTHERS if system.stands_on else ALONE])
-        for name, system in systems.items()
-    }
+    found = {name: _alone(system) for name, system in systems.items()}
     for name in limits:
         held = tuple(
             system.name for system in systems.values() if (system.in_all if name == ALL else name in system.images)
@@ -50,6 +47,12 @@ def images() -> dict[str, Image]:
         if held:
             found[name] = Image(name, held, *limits[name])
     return found
+
+
+def _alone(system: System) -> Image:
+    flash_bytes, ram_bytes = declarations.image_limits()[ALONE_ON_OTHERS if system.stands_on else ALONE]
+    own = flash_bytes if system.flash_kib is None else 1024 * system.flash_kib
+    return Image(system.name, (system.name,), own, ram_bytes)
 
 
 def beside_all() -> dict[str, Image]:

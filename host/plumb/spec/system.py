@@ -176,7 +176,8 @@ class System:
     `commands` of judging.
     default_for: parts (`replay`, `demo`) for which this system is the default of the command.
     images: sets of flash images that hold the system, besides its own and `all` (images.toml); in_all: False for one
-    that `all` leaves out, because a C8 has no room for it.
+    that `all` leaves out, because a C8 has no room for it. flash_kib: the most that its own image may take, None: the
+    limit of images.toml.
     """
 
     name: str
@@ -205,6 +206,7 @@ class System:
     default_for: tuple[str, ...]
     images: tuple[str, ...]
     in_all: bool = True
+    flash_kib: int | None = None
     step_commands: tuple[Command, ...] = ()
     command_source: str = "link"
     stands_on: tuple[str, ...] = ()

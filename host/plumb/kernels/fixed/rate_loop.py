@@ -24,8 +24,8 @@ class RateLoopState:
 
 
 class Conditions(NamedTuple):
-    """Conditions of a step that the loops of all axes share. flies: the rotors are on; landed: the vehicle stands on the
-    ground, so that the integral decays; touches: it may stand there, so that the integral stays."""
+    """Conditions of a step that the loops of all axes share. flies: the rotors are on; landed: the vehicle stands on
+    the ground, so that the integral decays; touches: it may stand there, so that the integral stays."""
 
     d_alpha_q31: Integer
     integral_max_q30: Integer

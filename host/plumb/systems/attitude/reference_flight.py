@@ -13,8 +13,8 @@ MAYBE_LANDED_BLOCKS, LANDED_BLOCKS, TAKE_OFF_BLOCKS = 8, 67, 4
 WEIGHT_G, HOVERS_G = (0.9, 1.1), (0.5, 4.0)
 """Length of the acceleration of a vehicle that the ground carries, and of one that tells the thrust of a hover."""
 LIGHT, TAKE_OFF, IDLES = 0.75, 0.875, 0.375
-"""Shares of the thrust of a hover: below the first the ground may carry it, from the second on it may take off; below the
-third even the first seconds of a flight tell no hover."""
+"""Shares of the thrust of a hover: below the first the ground may carry it, from the second on it may take off; below
+the third even the first seconds of a flight tell no hover."""
 HOVER, COMMAND_MOST = (0.1, 0.85), 0.95
 LIFTS_GS, FORGOTTEN = 0.03, 1.0 / 32.0
 LEARNED_UP, LEARNED_DOWN, LEARNED_FIRST, FIRST_BLOCKS = 1.0 / 16.0, 1.0 / 32.0, 1.0 / 4.0, 16
@@ -55,7 +55,8 @@ class FlightOfBlocks:
         if not self.airborne:
             self.climb_gs = 0.0
         first = self.flown_blocks < FIRST_BLOCKS
-        if (not light or (first and thrust >= IDLES * self.hover)) and HOVERS_G[0] <= felt_g <= HOVERS_G[1] and thrust <= COMMAND_MOST:
+        lifts = not light or (first and thrust >= IDLES * self.hover)
+        if lifts and HOVERS_G[0] <= felt_g <= HOVERS_G[1] and thrust <= COMMAND_MOST:
             at_1_g = thrust * felt_g ** (-2.0 / 3.0)
             share = LEARNED_FIRST if first else LEARNED_DOWN if at_1_g < self.hover else LEARNED_UP
             self.hover = float(np.clip(self.hover + share * (at_1_g - self.hover), *HOVER))

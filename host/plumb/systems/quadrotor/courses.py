@@ -38,7 +38,8 @@ class Turn:
 
 @dataclass(frozen=True)
 class Course:
-    """lands: takes off from the ground, climbs by climb_m, and lands from land_at_s on. turns: in mode rate. gust_mps, kick_radps, weak: at happens_s.
+    """lands: takes off from the ground, climbs by climb_m, and lands from land_at_s on. turns: in mode rate. gust_mps,
+    kick_radps, weak: at happens_s.
     lost_s: from when to when the receiver hears nothing. supply: share of the full thrust that the battery gives.
     cut_s: from when on the throttle is low. held: the stand does not let go, and the throttle stays low; on_its_back:
     it lies there upside down."""

@@ -17,7 +17,17 @@ from plumb.spec import declarations
 from plumb.systems.attitude import fixed as attitude
 from plumb.systems.attitude import fixed_state
 from plumb.systems.quadrotor.fixed_flight import (
-    HELD, LANDING, STOPPED, TOUCHED_BLOCKS, WATCHED_BLOCKS, FlightState, Seen, decide, listen, set_throttle, watch,
+    HELD,
+    LANDING,
+    STOPPED,
+    TOUCHED_BLOCKS,
+    WATCHED_BLOCKS,
+    FlightState,
+    Seen,
+    decide,
+    listen,
+    set_throttle,
+    watch,
     watch_runaway,
 )  # fmt: skip
 from plumb.systems.quadrotor.fixed_mixer import mix
@@ -121,7 +131,8 @@ def by_stick(stick: Integer, most: Integer) -> Integer:
 def ask(
     p: Params, sticks: Sequence[Integer], levels: Integer, up: Sequence[Integer], rate_max: Integer
 ) -> tuple[list[Integer], list[Integer]]:
-    """The error of the vertical, and the rates that are asked for. rate_max: most that the error asks for, turn/s Q28."""
+    """The error of the vertical, and the rates that are asked for. rate_max: most that the error asks for, turn/s
+    Q28."""
     roll, pitch, yaw = sticks
     yaw_rate = by_stick(yaw, p["quadrotor.yaw_rate_max_q28"])
     most = p["quadrotor.stick_rate_q28"]

@@ -102,7 +102,8 @@ def squared(values: Sequence[Integer]) -> Integer:
 def watch(
     c: FlightState, p: Params, seen: Seen, rate: Sequence[Integer], accel: Sequence[Integer], up: Integer
 ) -> None:
-    """Count the steps without samples, idle on the ground, on its side or back, and upside down. up: the vertical along the body's z."""
+    """Count the steps without samples, idle on the ground, on its side or back, and upside down. up: the vertical along
+    the body's z."""
     c.blind_steps = counted(c.blind_steps, seen.missing)
     low = seen.throttle < p["quadrotor.low_q15"]
     c.idle_steps = counted(c.idle_steps, seen.on & low & (seen.airborne == 0))

@@ -90,7 +90,9 @@ class Stops:
 
     blind_s: float = field(default=0.05, metadata=quantity("s", "time without a sample"))
     idle_s: float = field(default=10.0, metadata=quantity("s", "time on the ground with the throttle low"))
-    lying_s: float = field(default=1.0, metadata=quantity("s", "time at rest on its side or back with the throttle low"))
+    lying_s: float = field(
+        default=1.0, metadata=quantity("s", "time at rest on its side or back with the throttle low")
+    )
     runaway_s: float = field(
         default=0.04, metadata=quantity("s", "time at the take-off in which a rate grows against its limited command")
     )
