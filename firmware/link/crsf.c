@@ -5,10 +5,12 @@
 #define SYNC            0xC8U
 #define TYPE_STICKS     0x16U
 #define TYPE_STATISTICS 0x14U
-#define HEADER          3U /* sync, length, type */
-#define AROUND          2U /* sync and length, which the length does not count */
-#define STICKS_LENGTH   (CRSF_FRAME_BYTES - AROUND)
+#define HEADER          3U  /* sync, length, type */
+#define AROUND          2U  /* sync and length, which the length does not count */
+#define STICKS_LENGTH   24U /* type, 22 bytes, CRC */
 #define STATISTICS      12U /* length of that frame: type, 10 bytes, CRC */
+#define LEAST_LENGTH    2U  /* type and CRC */
+#define MOST_LENGTH     (CRSF_FRAME_BYTES - AROUND)
 #define QUALITY_AT      2U
 #define CHANNEL_BITS    11U
 
@@ -26,13 +28,20 @@ static uint8_t crc8(const uint8_t *bytes, size_t count) {
     return (uint8_t)crc;
 }
 
-/* False for bytes with which no frame of the two types begins. */
+/* False for bytes with which no frame begins. */
 static bool may_be_frame(const crsf_t *c) {
     const uint8_t *const b = c->bytes;
-    const uint8_t type = b[1] == STICKS_LENGTH ? TYPE_STICKS : TYPE_STATISTICS;
 
-    return b[0] == SYNC && (c->length < 2U || b[1] == STICKS_LENGTH || b[1] == STATISTICS) &&
-           (c->length < HEADER || b[2] == type);
+    return b[0] == SYNC && (c->length < 2U || (b[1] >= LEAST_LENGTH && b[1] <= MOST_LENGTH));
+}
+
+/* The kind of a whole frame, by its length and type. */
+static crsf_event_t kind_of(const crsf_t *c) {
+    const uint8_t length = c->bytes[1], type = c->bytes[2];
+
+    return length == STICKS_LENGTH && type == TYPE_STICKS    ? CRSF_STICKS
+           : length == STATISTICS && type == TYPE_STATISTICS ? CRSF_STATISTICS
+                                                             : CRSF_NOTHING;
 }
 
 static void drop(crsf_t *c, size_t count) {
@@ -40,7 +49,7 @@ static void drop(crsf_t *c, size_t count) {
     memmove(c->bytes, &c->bytes[count], c->length);
 }
 
-/* Behind a frame in bytes that only looked like a longer one are too few for another. */
+/* A whole frame of another kind is dropped as a whole: what its payload looks like is no frame. */
 crsf_event_t crsf_push(crsf_t *c, uint8_t byte) {
     /* Damaged memory: no check word covers it, so it must write nowhere else. */
     if (c->used > c->length || c->length - c->used >= (int)CRSF_FRAME_BYTES || c->length > CRSF_FRAME_BYTES) {
@@ -52,16 +61,21 @@ crsf_event_t crsf_push(crsf_t *c, uint8_t byte) {
     while (c->length > 0U) {
         const uint8_t whole = (uint8_t)(c->bytes[1] + AROUND);
 
-        if (may_be_frame(c)) {
-            if (c->length < HEADER || c->length < whole) {
-                return CRSF_NOTHING;
-            }
-            if (crc8(&c->bytes[AROUND], whole - HEADER) == c->bytes[whole - 1U]) {
-                c->used = whole;
-                return c->bytes[2] == TYPE_STICKS ? CRSF_STICKS : CRSF_STATISTICS;
-            }
+        if (!may_be_frame(c)) {
+            drop(c, 1U);
+            continue;
         }
-        drop(c, 1U);
+        if (c->length < HEADER || c->length < whole) {
+            return CRSF_NOTHING;
+        }
+        const bool agrees = crc8(&c->bytes[AROUND], whole - HEADER) == c->bytes[whole - 1U];
+        const crsf_event_t kind = agrees ? kind_of(c) : CRSF_NOTHING;
+
+        if (kind != CRSF_NOTHING) {
+            c->used = whole;
+            return kind;
+        }
+        drop(c, agrees ? whole : 1U);
     }
     return CRSF_NOTHING;
 }

@@ -1,18 +1,17 @@
 /* CRSF, the serial protocol of a radio receiver: bytes in, frames out.
  *
  * A frame is 0xC8, the number of bytes that follow, a type, a payload and a CRC-8 (polynomial 0xD5, initial
- * value 0, over type and payload). Two types count here; a frame of any other type or length is passed over
- * byte by byte:
+ * value 0, over type and payload). It has 4 to 64 bytes. Two types count here; a frame of any other type or
+ * length is consumed whole when its CRC is right, so nothing in its payload is taken for a frame:
  *
  *     0x16  22 bytes  16 channels of 11 bits, the lowest bit of the first channel first
  *     0x14  10 bytes  link statistics; byte 2 is the quality of the link to the receiver, 0 to 100 %
  *
- * Whatever came before it, a whole frame of channels is found as its last byte arrives, and one of statistics
- * at most 11 bytes later: bytes that only looked like the beginning of a frame are searched again. The
- * exception is what looks like a frame and has the right CRC, as 1 in 256 of such does. Of damaged frames the
- * CRC finds every one with an odd number of wrong bits, or with all wrong bits within 8 in a row. Of the
- * 18,336 pairs of wrong bits that it covers in a frame of channels 105 leave it right; 91 of these leave the
- * type, and pass. */
+ * Bytes that only looked like the beginning of a frame are searched again. Behind them a whole frame is found
+ * at most 62 bytes late: a false length delays two frames of channels. The exception is what looks like a
+ * frame and has the right CRC, as 1 in 256 of such does. Of damaged frames the CRC finds every one with an
+ * odd number of wrong bits, or with all wrong bits within 8 in a row. Of the 18,336 pairs of wrong bits that
+ * it covers in a frame of channels 105 leave it right; 91 of these leave the type, and pass. */
 #ifndef PLUMB_LINK_CRSF_H
 #define PLUMB_LINK_CRSF_H
 
@@ -20,7 +19,7 @@
 #include <stdint.h>
 
 #define CRSF_CHANNELS    16U
-#define CRSF_FRAME_BYTES 26U /* the longer of the two frames */
+#define CRSF_FRAME_BYTES 64U /* the longest frame */
 
 typedef enum { CRSF_NOTHING, CRSF_STICKS, CRSF_STATISTICS } crsf_event_t;
 

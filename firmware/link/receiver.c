@@ -73,21 +73,19 @@ static void take_sticks(receiver_t *r, const int16_t channels[USED], uint32_t no
     r->off = (uint8_t)(!off ? 0U : r->off < RECEIVER_EQUAL ? r->off + 1U : r->off);
 }
 
-static void tell(receiver_t *r) {
-    r->words[WORD_RECEIVER] = (int16_t)(r->number + (r->lost ? RECEIVER_LOST : 0));
-}
-
-/* Handle a frame with these channels. */
+/* Handle a frame with these channels. One that the receiver makes up without its transmitter is a missing
+ * one.
+ */
 static void take_frame(receiver_t *r, const int16_t channels[USED], uint32_t now_us) {
-    r->number = (uint8_t)(r->number % UINT8_MAX + 1U);
-    if (!r->lost) {
-        take_sticks(r, channels, now_us);
-    } else {
-        r->gesture_us = now_us; /* what is made up is no gesture */
+    if (r->lost) {
+        r->gesture_us = now_us;
+        return;
     }
+    r->number = (uint8_t)(r->number % UINT8_MAX + 1U);
+    take_sticks(r, channels, now_us);
     r->heard_us = now_us;
     r->silent = false;
-    tell(r);
+    r->words[WORD_RECEIVER] = r->number;
 }
 
 bool receiver_rotors_on(const receiver_t *r) {
@@ -120,7 +118,6 @@ void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count,
             break;
         case CRSF_STATISTICS:
             r->lost = crsf_link_quality(c) == 0U;
-            tell(r);
             break;
         case CRSF_NOTHING:
             break;

@@ -12,9 +12,9 @@
  * change counts after it was asked for by RECEIVER_EQUAL frames in a row.
  *
  * The commands are those that a system with `command_source = "receiver"` declares first. While the link
- * quality is 0, frames are counted and sticks and switches stay as they are: what a receiver makes up then
- * moves nothing. How long ago the last frame came is counted within the step, from the number of the frame;
- * what may be armed asks receiver_heard(), which knows the time.
+ * quality is 0, frames count as missing, and sticks and switches stay as they are: what a receiver makes up
+ * then moves nothing. How long ago the last frame came is counted within the step, from the number of the
+ * frame; what may be armed asks receiver_heard(), which knows the time.
  *
  * Of a pulse train 988, 1500 and 2012 us are what 172, 992 and 1811 are of CRSF, and the link quality is 0
  * while the throttle is below RECEIVER_LOST_US.
@@ -35,7 +35,6 @@
 
 #define RECEIVER_ROTORS_ON 1 /* bits of the word of switches */
 #define RECEIVER_MODE_RATE 2
-#define RECEIVER_LOST      256 /* added to the number of the newest frame */
 
 /* The parameter `receiver`: 0 none, 1 and 2 CRSF, from here on PPM; where it is even the sticks switch. */
 #define RECEIVER_PPM     3U
@@ -47,8 +46,8 @@
 /* Zero at the start: no frame has come yet. */
 typedef struct {
     int16_t throttle_q15;
-    int16_t words[RECEIVER_WORDS]; /* roll, pitch, yaw, Q15; switches; number of the frame, RECEIVER_LOST */
-    uint8_t number;                /* of the newest frame, 1 to 255 in a circle; 0: none has come */
+    int16_t words[RECEIVER_WORDS];    /* roll, pitch, yaw, Q15; switches; number of the frame */
+    uint8_t number;                   /* of the newest frame, 1 to 255 in a circle; 0: none has come */
     uint8_t equal[RECEIVER_SWITCHES]; /* frames in a row that ask for the other position */
     uint8_t off;         /* frames in a row with the rotors off, to RECEIVER_EQUAL; 0: not heard */
     bool lost;           /* the link quality is 0 */

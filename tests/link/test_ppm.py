@@ -79,7 +79,7 @@ def test_a_switch_turns_with_the_third_frame_in_a_row() -> None:
 def test_the_failsafe_of_the_receiver_is_a_receiver_that_is_lost() -> None:
     failsafe = [2000, 1000, 949, 2000, 2012, 2012, *REST[6:]]
     rows = pulses_by_firmware(train([REST, failsafe, failsafe, failsafe, failsafe, [*REST[:2], 950, *REST[3:]]]))
-    assert [row.words[-1] for row in rows] == [1, 258, 259, 260, 261, 6]
+    assert [row.words[-1] for row in rows] == [1, 1, 1, 1, 1, 2], "its frames count as missing"
     assert all(row.words[:5] == (0, 0, 0, 0, 0) for row in rows), "sticks and switches stay as they are"
 
 

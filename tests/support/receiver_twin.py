@@ -20,7 +20,7 @@ SWITCH_OFF, SWITCH_ON, EQUAL = 792, 1192, 3
 @dataclass
 class Row:
     """What the receiver has made of a stream up to a frame that ends at byte `end`. words: throttle, roll, pitch, yaw,
-    switches, number of the frame, with 256 while the transmitter is lost."""
+    switches, number of the newest frame that counts."""
 
     end: int
     kind: int
@@ -48,18 +48,19 @@ def by_firmware(stream: bytes) -> list[Row]:
 
 
 def frames_in(stream: bytes) -> list[tuple[int, bytes]]:
-    """End and bytes of each frame in a stream. From the first byte on: a whole frame counts, and the search goes on
-    behind it; else it goes on with the next byte. It waits where a frame is not whole yet."""
+    """End and bytes of each frame in a stream. From the first byte on: behind a whole frame, of whatever type, the
+    search goes on; else it goes on with the next byte. It waits where a frame is not whole yet."""
     found, at = [], 0
     while at < len(stream):
-        head = stream[at : at + 3]
-        size = LENGTHS[head[2]] if len(head) == 3 and head[2] in LENGTHS else 0
-        begins = any(bytes([SYNC, size - 2, kind]).startswith(head) for kind, size in LENGTHS.items())
-        if begins and (len(head) < 3 or at + size > len(stream)):
+        head = stream[at : at + 2]
+        size = head[1] + 2 if len(head) == 2 else 0
+        begins = head[0] == SYNC and (len(head) < 2 or 4 <= size <= 64)
+        if begins and (len(head) < 2 or at + size > len(stream)):
             break
         if begins and crc8(stream[at + 2 : at + size - 1]) == stream[at + size - 1]:
             at += size
-            found.append((at, stream[at - size : at]))
+            if LENGTHS.get(stream[at - size + 2]) == size:
+                found.append((at, stream[at - size : at]))
         else:
             at += 1
     return found
@@ -90,9 +91,8 @@ def pulses_by_twin(edges_us: Sequence[int]) -> list[Row]:
         begin = end
         if len(widths) != 8 or not all(750 <= width <= 2250 for width in widths):
             continue
-        pilot.lost = widths[2] < 950
-        pilot.number = pilot.number % 255 + 1
-        if not pilot.lost:
+        if widths[2] >= 950:
+            pilot.number = pilot.number % 255 + 1
             pilot.take(tuple(width * 8 // 5 - 1408 for width in widths))
         rows.append(Row(end, 0, pilot.words(), tuple(widths)))
     return rows
@@ -104,7 +104,7 @@ class _Pilot:
     def __init__(self) -> None:
         self.throttle, self.sticks, self.switches = 0, (0, 0, 0), [False, False]
         self.asked = [0, 0]
-        self.number, self.lost = 0, False
+        self.number = 0
 
     def take(self, channels: tuple[int, ...]) -> None:
         def stick(value: int) -> int:
@@ -120,22 +120,22 @@ class _Pilot:
 
     def words(self) -> tuple[int, ...]:
         switches = sum(on << place for place, on in enumerate(self.switches))
-        return self.throttle, *self.sticks, switches, self.number + 256 * self.lost
+        return self.throttle, *self.sticks, switches, self.number
 
 
 def by_twin(stream: bytes) -> list[Row]:
     """The same rows, by this module."""
-    pilot, rows = _Pilot(), []
+    pilot, rows, lost = _Pilot(), [], False
     for end, frame in frames_in(stream):
         kind, payload = frame[2], frame[3:-1]
         if kind == STATISTICS:
-            pilot.lost = payload[2] == 0
+            lost = payload[2] == 0
             rows.append(Row(end, kind, pilot.words(), (), payload[2]))
             continue
         bits = int.from_bytes(payload, "little")
         channels = tuple(bits >> 11 * place & 2047 for place in range(16))
-        pilot.number = pilot.number % 255 + 1
-        if not pilot.lost:
+        if not lost:
+            pilot.number = pilot.number % 255 + 1
             pilot.take(channels)
         rows.append(Row(end, kind, pilot.words(), channels))
     return rows

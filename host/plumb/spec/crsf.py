@@ -11,6 +11,8 @@ SYNC, STICKS, STATISTICS = 0xC8, 0x16, 0x14
 CHANNELS, CHANNEL_BITS = 16, 11
 LENGTHS = {STICKS: 26, STATISTICS: 14}
 """Bytes of a whole frame."""
+MIN_BYTES, MAX_BYTES = 4, 64
+"""Bytes of a frame of any type."""
 LOW, MIDDLE, HIGH = 172, 992, 1811
 """Values of a channel at the ends and in the middle of a stick."""
 FULL = 32767
@@ -85,26 +87,27 @@ def link_quality(payload: bytes) -> int:
 
 
 class Reader:
-    """Finds the frames of the two types that the board knows in a stream of bytes."""
+    """Finds the frames of the two types that the board knows in a stream of bytes, as the board does."""
 
     def __init__(self) -> None:
         self._waiting = b""
 
     def push(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Type and payload of each frame that these bytes complete."""
+        """Type and payload of each frame that these bytes complete. A frame of another type is passed over whole."""
         found: list[tuple[int, bytes]] = []
         self._waiting += data
         while self._waiting:
-            head = self._waiting[:3]
-            if not any(bytes([SYNC, length - 2, kind]).startswith(head) for kind, length in LENGTHS.items()):
+            size = self._waiting[1] + 2 if len(self._waiting) > 1 else MIN_BYTES
+            if self._waiting[0] != SYNC or not MIN_BYTES <= size <= MAX_BYTES:
                 self._waiting = self._waiting[1:]
                 continue
-            if len(head) < 3 or len(self._waiting) < LENGTHS[head[2]]:
+            if len(self._waiting) < size:
                 break
-            whole = self._waiting[: LENGTHS[head[2]]]
-            if crc8(whole[2:-1]) == whole[-1]:
+            whole = self._waiting[:size]
+            agrees = crc8(whole[2:-1]) == whole[-1]
+            if agrees and LENGTHS.get(whole[2]) == size:
                 found.append((whole[2], whole[3:-1]))
-            self._waiting = self._waiting[len(whole) if crc8(whole[2:-1]) == whole[-1] else 1 :]
+            self._waiting = self._waiting[size if agrees else 1 :]
         return found
 
 
