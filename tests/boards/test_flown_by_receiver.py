@@ -27,7 +27,7 @@ from plumb.systems import load
 from plumb.tuning.quantise import quantise
 from support.noise import with_noise
 
-IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.elf"
+IMAGE = Path(__file__).parents[2] / "build/images/quadrotor/firmware.elf"
 pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")
 SYSTEM = load("quadrotor")
 PINS = ("PA0", "PA1", "PA2", "PA3")

@@ -1,14 +1,15 @@
 """Whatever hangs, the outputs are safe within 50 ms: on the flash image, armed and driving, measured at the pins.
 
 The image is patched while it runs (a branch to itself), its interrupts are masked, or its tick is stopped. An ESC's pin
-is safe with the neutral pulse or none at all, a gate of the bridge with its switch off.
+is safe with the neutral pulse or none at all, a gate of the bridge with its switch off. The image is `vehicles`, which
+has every handler.
 """
 
 from __future__ import annotations
 
+import shutil
 import struct
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -25,11 +26,9 @@ from plumb.link.session import Session
 from plumb.spec import parameters
 from support.balancer_bench import Balancer
 from support.pins import at_rest
+from support.vehicles_image import vehicles_image
 
-BUILD = Path(__file__).parents[2] / "build/stm32f103"
-pytestmark = pytest.mark.skipif(
-    not (BUILD / "firmware.elf").exists(), reason="the flash image is not built: run make image"
-)
+pytestmark = pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="arm-none-eabi-gcc is not installed")
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 BOOT_US = 30_000
 FRAME_US = 20_000
@@ -52,7 +51,8 @@ class Image(NamedTuple):
 
 @pytest.fixture(scope="module")
 def image() -> Image:
-    return Image(Elf(BUILD / "firmware.elf"), (BUILD / "firmware.bin").read_bytes())
+    built = vehicles_image()
+    return Image(Elf(built.with_suffix(".elf")), built.read_bytes())
 
 
 def patch(machine: Machine, address: int, *code: int) -> bytes:
@@ -204,7 +204,7 @@ def test_the_pulses_are_safe_within_50_ms_of_a_hang(inputs: RunInputs, image: Im
 
 @pytest.fixture(scope="module")
 def ride() -> tuple[Balancer, Snapshot]:
-    balancer = Balancer()
+    balancer = Balancer(image=vehicles_image())
     balancer.arm()
     return balancer, balancer.machine.snapshot(balancer.session)
 

@@ -19,7 +19,7 @@ from plumb.proof.faults.scene import Scene, driving
 from plumb.spec.speed_controllers import GAP_HALFUS, PULSE_US
 from support.campaigns import campaign
 
-IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.bin"
+IMAGE = Path(__file__).parents[2] / "build/images/quadrotor/firmware.bin"
 pytestmark = [
     pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image"),
     pytest.mark.slow,

@@ -4,9 +4,6 @@ The image is that of `vehicles`, which has the actuators of all four pin sets.""
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -20,10 +17,10 @@ from plumb.boards.virtual_can import MachineBus
 from plumb.errors import LinkError
 from plumb.f103.machine import Machine
 from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS
-from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec import parameters
 from support.pins import at_rest
+from support.vehicles_image import vehicles_image
 
 ROOT = Path(__file__).parents[2]
 ALL = ROOT / "build/stm32f103/firmware.bin"
@@ -71,18 +68,9 @@ class Outputs:
             port._changed = look  # type: ignore[method-assign]
 
 
-@lru_cache
-def image() -> Path:
-    done = subprocess.run(
-        [sys.executable, "tools/build_images.py", "vehicles"], cwd=ROOT, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return find_image(Path("vehicles"))
-
-
 def saved(pins: str) -> bytes:
     """What the slots of a board hold that was told this pin set."""
-    machine = Machine(image())
+    machine = Machine(vehicles_image())
     machine.advance_us(BOOT_US)
     with Session.open(machine.uart) as session:
         session.upload(CONTROL, pins=SETS[pins])
@@ -96,7 +84,7 @@ def slots() -> dict[str, bytes]:
 
 
 def started(strap: str, slots: bytes) -> tuple[Machine, Outputs]:
-    machine = Machine(image())
+    machine = Machine(vehicles_image())
     set_strap(machine, strap)
     at_rest(machine)
     machine.flash.store(0xF000, slots)
@@ -185,13 +173,13 @@ def test_the_strap_is_read_once(slots: dict[str, bytes]) -> None:
 
 
 def test_a_slow_pull_up_and_a_noisy_wire_are_not_taken_for_a_strap(slots: dict[str, bytes]) -> None:
-    slow = Machine(image())
+    slow = Machine(vehicles_image())
     for pin in (4, 5):
         slow.port("PB4").rise_us[pin] = 450.0
     slow.advance_us(BOOT_US)
     assert outputs(slow) == {"PA9", *ESC_PINS}
 
-    noisy = Machine(image())
+    noisy = Machine(vehicles_image())
     port = noisy.port("PB5")
     level, looks = port.level, [0]
 

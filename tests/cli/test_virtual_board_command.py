@@ -19,7 +19,7 @@ from plumb.flash.image import find_image
 from plumb.link import parameter_table
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
-from plumb.spec import parameter_file
+from plumb.spec import images, parameter_file
 from plumb.tuning.quantise import quantise
 from support.slow_time import slow_down
 
@@ -155,7 +155,7 @@ def test_another_file_is_not_taken_for_kept_parameters(
 def test_with_a_system_it_comes_up_as_that_one(name: str, tuning: str, pins: int) -> None:
     """Saved and started again: a balancer that is armed later is armed on the pins of the bridge, or not at all."""
     system = systems.load(name)
-    machine = open_machine()
+    machine = open_machine(images.running(name))
     plant_on_pins.boot_configured_as(machine, name)
     with Session.open(machine.uart) as session:
         identity = session.connect()

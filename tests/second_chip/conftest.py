@@ -11,7 +11,8 @@ import pytest
 from plumb.link.session import Session
 from second_chip import CanEnd, Chip, UartEnd
 
-IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.bin"
+BUILD = Path(__file__).parents[2] / "build"
+IMAGE, FLYING = BUILD / "stm32f103/firmware.bin", BUILD / "images/quadrotor/firmware.bin"
 START_S = 0.06
 """The check of the image and the way onto the CAN bus take this long."""
 
@@ -21,6 +22,14 @@ def image() -> bytes:
     if not IMAGE.exists():
         pytest.skip("no flash image; build it with: make image")
     return IMAGE.read_bytes()
+
+
+@pytest.fixture(scope="session")
+def flying_image() -> bytes:
+    """The image `quadrotor`, which `make image` builds beside that of all."""
+    if not FLYING.exists():
+        pytest.skip("no flash image of quadrotor; build it with: make image")
+    return FLYING.read_bytes()
 
 
 @pytest.fixture

@@ -22,6 +22,7 @@ from plumb.tuning.quantise import ControlParams, quantise
 from second_chip import Chip
 from second_chip.adc import VDDA
 from second_chip.i2c import Adxl345, Itg3205, Mpu6050, RegisterSlave
+from support.vehicles_image import vehicles_image
 
 from .conftest import START_S, Connect
 
@@ -137,8 +138,8 @@ def test_one_chip_with_both_sensors_is_set_up_and_read_over_i2c(chip: Chip, sess
     assert both.registers[0x1B] == both.registers[0x1C] == 0x18, "+-2000 deg/s, +-16 g"
 
 
-def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(image: bytes, connect_uart: Connect) -> None:
-    chip, both = Chip(image), Mpu6050()
+def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(flying_image: bytes, connect_uart: Connect) -> None:
+    chip, both = Chip(flying_image), Mpu6050()
     chip.ports["B"].outside |= {4: 0}
     chip.i2c.slaves = {both.ADDRESS: both}
     chip.run(START_S)
@@ -161,8 +162,8 @@ def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(image: bytes, connect_
     assert expected.tolist() == [capture.digest[step] for step in range(steps)]
 
 
-def test_the_edges_at_pa8_are_the_sticks_of_a_step(image: bytes, connect_uart: Connect) -> None:
-    chip, both = Chip(image), Mpu6050()
+def test_the_edges_at_pa8_are_the_sticks_of_a_step(flying_image: bytes, connect_uart: Connect) -> None:
+    chip, both = Chip(flying_image), Mpu6050()
     chip.ports["B"].outside |= {4: 0}
     chip.i2c.slaves = {both.ADDRESS: both}
     chip.run(START_S)
@@ -184,14 +185,14 @@ def test_the_edges_at_pa8_are_the_sticks_of_a_step(image: bytes, connect_uart: C
     assert all(abs(one - other) <= 100 for one, other in zip(moved[:3], (32767, -32767, 32767), strict=True)), moved
 
 
-def test_the_volts_at_pb0_and_pb1_are_those_of_the_battery(image: bytes, connect_uart: Connect) -> None:
-    """Beside a run whose samples ADC1 converts, on the same pins among others."""
-    chip = Chip(image)
+def test_the_volts_at_pb0_and_pb1_are_those_of_the_battery(connect_uart: Connect) -> None:
+    """Beside a run whose samples ADC1 converts, on the image `vehicles`, which has both."""
+    chip = Chip(vehicles_image().read_bytes())
     chip.ports["B"].outside |= {4: 0}
     chip.adc.volts |= {8: 2.0, 9: 0.55}
     chip.run(START_S)
     session = connect_uart(chip)
-    capture, params = begin(session, "turntable", battery_min_mv=10_500, battery_full_mv=18_810, battery_full_a=90)
+    capture, params = begin(session, "quad", battery_min_mv=10_500, battery_full_mv=18_810, battery_full_a=90)
     capture.collect(LIVE_STEPS)
     listen(session, 0.5)
     said = session.telemetry["BATTERY"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
@@ -25,12 +27,13 @@ BOOT_US = 60_000
 
 
 class Balancer:
-    """A machine that saved what makes it a balancer, and was switched on with everything wired. link: serial or can."""
+    """A machine that saved what makes it a balancer, and was switched on with everything wired. link: serial or can.
+    image: a flash image; without it `all`."""
 
-    def __init__(self, link: str = "serial") -> None:
+    def __init__(self, link: str = "serial", image: Path | None = None) -> None:
         self.link = link
         try:
-            self.machine = machine = Machine(find_image())
+            self.machine = machine = Machine(find_image(image))
         except UsageError as error:
             pytest.skip(str(error))
         machine.advance_us(BOOT_US)

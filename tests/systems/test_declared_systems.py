@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from plumb.spec import declarations
+from plumb.spec import declarations, images
 from support.built_systems import Plumb, build
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -93,23 +93,43 @@ def tower(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
     return Plumb(python, core, image, {"PLUMB_SYSTEM_PATH": str(systems)})
 
 
-@pytest.fixture(scope="module")
-def without_quad(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
-    """A copy of the sources from which `quad` was deleted, with a Python that knows this copy alone."""
-    folder = tmp_path_factory.mktemp("without")
-    copy = folder / "plumb"
+def copied(folder: Path) -> tuple[Path, Path]:
+    """A copy of the sources, and a Python that knows this copy alone."""
+    copy, python = folder / "plumb", folder / "python"
     shutil.copytree(
         ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv", "build", "out", "__pycache__", ".*_cache")
     )
+    found = os.pathsep.join([str(copy / "host"), *site.getsitepackages()])
+    python.write_text(f'#!/bin/sh\nPYTHONPATH="{found}" exec "{sys.executable}" -S "$@"\n')
+    python.chmod(0o755)
+    return copy, python
+
+
+@pytest.fixture(scope="module")
+def without_quad(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
+    """A copy of the sources from which `quad` was deleted."""
+    folder = tmp_path_factory.mktemp("without")
+    copy, python = copied(folder)
     for place in ("systems", "judging"):
         shutil.rmtree(copy / "host" / "plumb" / place / "quad")
     for path in [path for name in ("quad", "quad_tunings") for path in (copy / "firmware").rglob(f"{name}.[ch]")]:
         path.unlink()
-    python = folder / "python"
-    found = os.pathsep.join([str(copy / "host"), *site.getsitepackages()])
-    python.write_text(f'#!/bin/sh\nPYTHONPATH="{found}" exec "{sys.executable}" -S "$@"\n')
-    python.chmod(0o755)
     core, image = build(copy, folder / "build", python, image="balancer")
+    return Plumb(python, core, image, {})
+
+
+@pytest.fixture(scope="module")
+def with_toy(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
+    """A copy of the sources to which the toy was added as CONTRIBUTING.md says, and its image of all systems."""
+    folder = tmp_path_factory.mktemp("with")
+    copy, python = copied(folder)
+    shutil.copytree(TOYS / "toy", copy / "host/plumb/systems/toy", ignore=shutil.ignore_patterns("*.[ch]"))
+    shutil.copytree(TOYS / "judging/toy", copy / "host/plumb/judging/toy")
+    shutil.copy(TOYS / "toy/toy.h", copy / "firmware/include/plumb")
+    step = (TOYS / "toy/toy.c").read_text(encoding="utf-8").replace('"toy.h"', '"plumb/toy.h"')
+    (copy / "firmware/systems/toy.c").write_text(step, encoding="utf-8")
+    Plumb(python, copy, copy, {}).run(python, copy / "tools/generate.py")
+    core, image = build(copy, folder / "build", python, core=False)
     return Plumb(python, core, image, {})
 
 
@@ -306,6 +326,24 @@ def test_the_rest_builds_and_runs_without_a_shipped_system(without_quad: Plumb) 
     assert "there is no system 'quad'" in without_quad("run", "quad", "--board", "native", code=2).stderr
     assert "there is no command 'bandwidth'" in without_quad("bandwidth", "2.5", code=2).stderr
     assert "no system here has a demo" in without_quad("demo", code=2).stderr
+
+
+SYSTEMS = """
+import sys
+from pathlib import Path
+from plumb.boards.virtual import VirtualBoard
+
+with VirtualBoard(Path(sys.argv[1])) as board:
+    print(*board.session.require_match().systems)
+"""
+
+
+def test_a_toy_system_is_added_to_the_image_of_all_as_written(with_toy: Plumb) -> None:
+    """The build refuses an image beyond its limit."""
+    held = with_toy.run(with_toy.python, "-c", SYSTEMS, with_toy.image).stdout.split()
+    assert held == [*images.image(images.ALL).systems, "toy"]
+    told = json.loads(with_toy("run", "toy", "--board", "virtual", "--seconds", "1", "--json").stdout)
+    assert (told["verdict"], told["metrics"]["target_vs_fixed_mismatches"]) == ("pass", 0)
 
 
 IN_THE_TOWER = """
