@@ -119,6 +119,7 @@ const plumb_takeoff_bounds_t plumb_quadrotor_takeoff = {
     .stopped = TAKEOFF_AT(stop_reason),
     .blind =
         PLUMB_QUADROTOR_FLAG_GYRO_CLIPPED | PLUMB_QUADROTOR_FLAG_ACCEL_CLIPPED | PLUMB_QUADROTOR_FLAG_MISSING,
+    .stands = PLUMB_QUADROTOR_FLAG_LANDED,
     .throttle_max_q15 = 1638,          /* 5 % */
     .rest_turnps_q28 = 3728270U,       /* 5 deg/s */
     .up_z_min_q30 = 973140576,         /* cosine of 25 deg */

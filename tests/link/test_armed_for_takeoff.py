@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from plumb import systems
@@ -108,6 +109,25 @@ def test_a_vehicle_that_turns_is_not_armed(stand: Stand) -> None:
     stand.feels = TURNING
     stand.rests(0.5)
     assert "it moves" in stand.refused()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_dropped_in_the_air_it_is_not_armed_until_it_lies(stand: Stand, seed: int) -> None:
+    """It falls without turning, and its attitude is known: it feels less than its weight."""
+    drawn = np.random.default_rng(seed)
+    stand.rests(3.0)
+    stand.session.arm(ready_wait_s=0.0)
+    stand.session.set_commands({"switches": 1}, 16000)
+    stand.feels = (0, 0, 0, 0, 0, round(1.3 * ONE_G))
+    stand.rests(float(drawn.uniform(1.0, 2.0)))
+    stand.session.disarm()
+    stand.session.set_commands({}, 0)
+    stand.feels = (0, 0, 0, 0, 0, round(drawn.uniform(0.0, 0.85) * ONE_G))
+    stand.rests(float(drawn.uniform(0.5, 2.0)))
+    assert "it moves" in stand.refused()
+    stand.feels = LEVEL
+    stand.rests(1.6)
+    stand.session.arm(ready_wait_s=0.0)
 
 
 def test_nothing_of_it_disarms(stand: Stand) -> None:

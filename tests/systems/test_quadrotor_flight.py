@@ -11,18 +11,18 @@ import pytest
 
 import plumb
 from plumb.boards.fixed import FixedBoard
-from plumb.errors import UsageError
+from plumb.errors import LinkError, UsageError
 from plumb.flash.image import find_image
 from plumb.judging.quadrotor import loops
 from plumb.judging.quadrotor.flown import Flown, fly
 from plumb.physics.airframe import HUMMINGBIRD_X
 from plumb.proof.runs import closed_loop
+from plumb.spec import crsf, images
 from plumb.systems.quadrotor import courses, quantise, scenarios
 from plumb.systems.quadrotor.vehicle import ROTORS_ON, Vehicles
 
 SEEDS = range(1000, 1004)
 FLOWN, HELD, STOPPED = 0, 1, 3
-FLIES_S = courses.REST_S + 0.8
 
 
 @cache
@@ -112,7 +112,7 @@ def test_a_flight_in_closed_loop_on_the_flash_image_is_the_model_bit_for_bit(lin
     from plumb.boards.virtual import VirtualBoard
 
     try:
-        find_image()
+        find_image(images.running("quadrotor"))
     except UsageError as missing:
         pytest.skip(str(missing))
     run = scenarios.scenario("lean", 1000, seconds=5.6 if link == "serial" else 1.5)
@@ -123,19 +123,33 @@ def test_a_flight_in_closed_loop_on_the_flash_image_is_the_model_bit_for_bit(lin
     assert link == "can" or done.board_words["rotor_q24_0"][-1] > 0, "they turn at the end"
 
 
-@pytest.mark.slow
-def test_a_flight_over_the_pins_is_the_model_bit_for_bit() -> None:
-    """The chip on I2C in, four pulses out: armed, taken from its stand and flown by the sticks that the host sends."""
+@pytest.fixture
+def flash_image() -> None:
     pytest.importorskip("unicorn")
     try:
-        find_image()
+        find_image(images.running("quadrotor"))
     except UsageError as missing:
         pytest.skip(str(missing))
-    done = plumb.run("quadrotor", board="virtual", live=True, seconds=FLIES_S)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("flash_image")
+def test_a_flight_over_the_pins_is_the_model_bit_for_bit_and_leans_as_the_pilot_asks() -> None:
+    """The chip on I2C and the pilot's CRSF in, four pulses out: armed, taken from its stand and flown."""
+    done = plumb.run("quadrotor", board="virtual", live=True, scenario="lean", seconds=courses.ACTS_S + 1.0)
     assert done.verdict == "pass" and done.bit_exact
     assert done["rotor_0"][-1] > 0.1, "it flies on what leaves the pins"
-    heights = [done.metrics[name] for name in ("height_least_m", "height_most_m")]
-    assert all(isinstance(height, float) and abs(height - courses.HEIGHT_M) < 0.1 for height in heights)
+    lean_deg, height_m = done.metrics["lean_max_deg"], done.metrics["height_least_m"]
+    assert isinstance(lean_deg, float) and abs(lean_deg - courses.LEAN_DEG) < 2.0
+    assert isinstance(height_m, float) and abs(height_m - courses.HEIGHT_M) < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("flash_image")
+def test_a_live_run_whose_pilot_is_not_heard_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(crsf.Pilot, "frames", lambda *_: b"")
+    with pytest.raises(LinkError, match="the pilot's receiver is lost, or was never heard"):
+        plumb.run("quadrotor", board="virtual", live=True, scenario="lean", seconds=4.5)
 
 
 def test_a_run_is_a_batch_of_one() -> None:

@@ -14,7 +14,7 @@ from plumb.errors import UsageError
 from plumb.kernels.fixed import takeoff
 from plumb.kernels.fixed.takeoff import CONVERGING, MOVING, SETPOINT, SETTLING, TILTED
 from plumb.spec.records import RECORDS, Words
-from plumb.systems.quadrotor.fixed import TAKEOFF
+from plumb.systems.quadrotor.fixed import LANDED, TAKEOFF
 from plumb.tuning.quantise import quantise
 
 PARAMS = quantise(systems.load("quadrotor").TUNINGS["hummingbird"])
@@ -27,7 +27,7 @@ Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 def at_rest(steps: int) -> Rows:
     """A vehicle that stands level, its attitude known, the throttle low."""
     rows = np.zeros(steps, RECORDS["quadrotor"])
-    rows["up_q30_2"] = G_UP
+    rows["up_q30_2"], rows["flags"] = G_UP, LANDED
     return rows
 
 
@@ -52,9 +52,10 @@ def test_standing_still_for_300_ms_is_ready() -> None:
         ("up_q30_2", G_UP, -G_UP, TILTED),
         ("tilt_variance_rad2_q32", math.radians(2.9) ** 2 * 2**32, math.radians(3.1) ** 2 * 2**32, CONVERGING),
         ("tilt_variance_rad2_q32", 0, 2**32 - 1, CONVERGING),
-        ("flags", ~0b111 & 0x7FF, 0b001, MOVING),  # a gyro at its limit
-        ("flags", 0, 0b010, MOVING),  # an accelerometer at its limit
-        ("flags", 0, 0b100, MOVING),  # no sample
+        ("flags", ~0b111 & 0xFFF, LANDED | 0b001, MOVING),  # a gyro at its limit
+        ("flags", LANDED, LANDED | 0b010, MOVING),  # an accelerometer at its limit
+        ("flags", LANDED, LANDED | 0b100, MOVING),  # no sample
+        ("flags", LANDED, 0x7F8, MOVING),  # in the air, or falling
     ],
 )
 def test_each_condition_is_asked_for_at_its_limit(word: str, within: float, beyond: float, bit: int) -> None:
@@ -75,7 +76,7 @@ def test_both_implementations_agree_on_words_of_any_value(seed: int) -> None:
         rows[f"rate_turnps_q28_{axis}"] = rng.integers(-(2**31), 2**31, steps) >> rng.integers(0, 30, steps)
     rows["up_q30_2"] -= rng.integers(0, 2**32 - 1, steps) >> rng.integers(1, 31, steps)
     rows["tilt_variance_rad2_q32"] = rng.integers(0, 2**32, steps) >> rng.integers(0, 32, steps)
-    rows["flags"] = rng.integers(0, 2**11, steps) * rng.integers(0, 2, steps)
+    rows["flags"] = rng.integers(0, 2**12, steps) * rng.integers(0, 2, steps)
     rows["setpoint_throttle_q15"] = rng.integers(-(2**31), 2**31, steps) >> rng.integers(0, 31, steps)
     calm = rng.integers(0, 2, steps // 50).repeat(50).astype(bool)  # a while at rest
     rows[calm] = at_rest(steps)[calm]

@@ -12,11 +12,12 @@ from plumb.boards.contract import SimulatedBoard
 from plumb.boards.link import LinkBoard
 from plumb.boards.strap import BY_PIN_SET, set_strap
 from plumb.boards.virtual_machine import START_US
-from plumb.f103.core.timeline import TICKS_PER_S
+from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.f103.machine import Machine
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
-from plumb.systems.contracts import PINS, Plant, Scenario, calibrated_words, fitted, link_words, sensor_words
+from plumb.spec import crsf, declarations
+from plumb.systems.contracts import PINS, Coupling, Plant, Scenario, calibrated_words, fitted, link_words, sensor_words
 from plumb.tuning.quantise import ControlParams, quantise
 
 FOUND_US = 50_000
@@ -91,6 +92,28 @@ def plant_of(name: str, scenario: str | None, seed: int, *, open_loop: bool) -> 
     period_us = system.TUNINGS[live.TUNING].period_us
     chosen = system.scenario(scenario or (live.SHOWN if open_loop else live.SCENARIO), seed, period_us=period_us)
     return chosen, system.plant(chosen, open_loop=open_loop)
+
+
+class PilotOnLine:
+    """The pilot of a plant: what his receiver hears goes to the line of the board's receiver as CRSF, once a period,
+    from now on. coupling: that of the plant; its time 0 is the first sample that the board reads. armed: the switch of
+    the motors stays off until it is set, because a board is not armed over a switch that is on."""
+
+    def __init__(self, machine: Machine, plant: Plant, coupling: Coupling, system: str, period_us: int) -> None:
+        self._machine, self._plant, self._coupling = machine, plant, coupling
+        self._counts, self._period = declarations.system(system).counts, period_us * TICKS_PER_US
+        self._pilot, self.armed = crsf.Pilot(), False
+        self._send(machine.now)
+
+    def _send(self, now: int) -> None:
+        taken = self._coupling.taken
+        time_s = self._machine.now_s - taken[0].time_s if taken else 0.0
+        commands = list(self._plant.counts(time_s)[self._counts :])
+        if not self.armed:
+            commands[crsf.SWITCHES_AT] &= ~crsf.MOTORS_ON
+        if said := self._pilot.frames(self._plant.setpoint(time_s), commands):
+            self._machine.usart3.receive(said)
+        self._machine.timeline.at("pilot", now + self._period, self._send)
 
 
 def boot_configured_as(machine: Machine, name: str, strap: str | None = None, *, calibrated: bool = False) -> None:

@@ -1,5 +1,6 @@
-"""A live run on the virtual board: the board samples its own sensors by its own timer. The host arms it, sends each
-change of the setpoint, and compares the streamed raw counts and digests with the model."""
+"""A live run on the virtual board: the board samples its own sensors by its own timer. The host arms it, and compares
+the streamed raw counts and digests with the model. The plant's pilot sends his sticks to the board's receiver; where
+the plant has none, the host sends each change of the setpoint."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from collections.abc import Sequence
 
 from plumb import systems
 from plumb.boards.contract import Answer, RawCounts, SimulatedBoard
-from plumb.boards.plant_on_pins import FOUND_US, configure_as, sampling_began_s
+from plumb.boards.plant_on_pins import FOUND_US, PilotOnLine, configure_as, sampling_began_s
 from plumb.errors import LinkError
 from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
@@ -16,9 +17,10 @@ from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
 from plumb.proof.gain_changes import GainChange, GainChanges, changes_of
 from plumb.proof.runs import Run, RunInputs, columns, judge
-from plumb.spec import declarations
+from plumb.spec import crsf, declarations
+from plumb.spec.system import RECEIVER
 from plumb.systems import run_fixed
-from plumb.systems.contracts import PINS, Conversion, Scenario, link_words
+from plumb.systems.contracts import PINS, Conversion, Scenario, calibrated_words, link_words
 from plumb.tuning.quantise import ControlParams
 
 STANDSTILL_US = 500_000
@@ -43,9 +45,18 @@ def run_live(
 
     steps = scenario.steps
     system, live = systems.load(params.system), systems.load(params.system, PINS)
+    declared = declarations.system(params.system)
+    prescribed = run_fixed.check_inputs(params.system, scenario.counts(), scenario.setpoint())
+    commands = prescribed[0][:, declared.counts :]
+    piloted = RECEIVER in declared.parts and bool(commands[:, crsf.NUMBER_AT].any())
     # No hold at neutral: the plant's actuators need no arming pulse, and its motion begins at once.
-    session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **link_words(system, scenario))
-    coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
+    words = link_words(system, scenario)
+    if piloted:
+        words |= {"receiver": crsf.IN_USE, **calibrated_words(params.system)}
+    session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **words)
+    plant = system.plant(scenario, open_loop=open_loop)
+    coupling = live.Coupling(board.machine, plant)
+    pilot = PilotOnLine(board.machine, plant, coupling, params.system, scenario.period_us) if piloted else None
     board.machine.advance_us(FOUND_US)
     changing = GainChanges(session, gains, params.period_s, steps)
     capture = Capture(session, raw_frames=set(RAW_FRAMES).intersection(live.FRAMES))
@@ -53,14 +64,14 @@ def run_live(
     session.listener = capture.feed
     if system.OUTPUT_FRAMES:
         session.arm()
-    prescribed = run_fixed.check_inputs(params.system, scenario.counts(), scenario.setpoint())
-    commands = prescribed[0][:, declarations.system(params.system).counts :].tolist()
-    wanted = list(zip(prescribed[1].tolist(), map(tuple, commands), strict=True))
-    asked = 0, declarations.system(params.system).default_commands()
+    if pilot is not None:
+        pilot.armed = True
+    wanted = list(zip(prescribed[1].tolist(), map(tuple, commands.tolist()), strict=True))
+    asked = 0, declared.default_commands()
     with tqdm(total=steps, desc="live on the virtual board", unit="step", leave=False, disable=None) as bar:
         heard, heard_us = 0, board.machine.now_us
         while capture.steps < steps:
-            if asked != wanted[capture.steps]:
+            if not piloted and asked != wanted[capture.steps]:
                 asked = wanted[capture.steps]
                 capture.set_setpoint(*asked)
             changing.commit(capture.steps)
@@ -78,7 +89,7 @@ def run_live(
     begun_s = sampling_began_s(board.machine)
     session.end()
     session.listener = None
-    raw = capture.raw_counts(steps)[:, : declarations.system(params.system).inputs]
+    raw = capture.raw_counts(steps)[:, : declared.inputs]
     truth = columns([conversion.truth for conversion in conversions_of(coupling.taken, begun_s, raw)])
     inputs = RunInputs(scenario.time_s, truth, raw, capture.setpoints.of_steps(steps), scenario.scored)
     changes, unknown = changes_of(capture, params, steps)

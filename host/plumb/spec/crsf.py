@@ -19,6 +19,12 @@ FULL = 32767
 """A stick at its end, as an input of a step."""
 NUMBER, LOST = 255, 256
 """Of the command `receiver`: the number of the newest frame, and the bit of a transmitter that is lost."""
+SWITCHES_AT, NUMBER_AT = 3, 4
+"""Places of the commands `switches` and `receiver` among those of a step."""
+MOTORS_ON = 1
+"""Of the command `switches`: the motors are on."""
+IN_USE = 1
+"""Parameter `receiver` of a board that hears CRSF."""
 POLYNOMIAL = 0xD5
 BAUD = 420_000
 

@@ -15,13 +15,14 @@ RATE_MAX = 1 << 29
 
 class Bounds(NamedTuple):
     """What is asked of a system. throttle, rate, up_z, variance: words of its record, rate without the axis. blind:
-    flags of a sample that was missing or at a limit."""
+    flags of a sample that was missing or at a limit. stands: flags that all say that it stands on the ground."""
 
     throttle: str
     rate: str
     up_z: str
     variance: str
     blind: int
+    stands: int
     throttle_max_q15: int
     rest_turnps_q28: int
     up_z_min_q30: int
@@ -45,8 +46,9 @@ def step(s: State, b: Bounds, word: Mapping[str, int], dt_s_q33: int) -> None:
     turning = min(max(abs(word[f"{b.rate}_{axis}"]) for axis in range(3)), RATE_MAX)
     fastest = RATE_MAX if word["flags"] & b.blind else turning
     s.rate_mean_turnps_q28 += (fastest - s.rate_mean_turnps_q28) * (2 * dt_s_q33) >> 32
+    stands = word["flags"] & b.stands == b.stands
     missing = {
-        MOVING: s.rate_mean_turnps_q28 > b.rest_turnps_q28,
+        MOVING: not stands or s.rate_mean_turnps_q28 > b.rest_turnps_q28,
         CONVERGING: word[b.variance] > b.variance_max_rad2_q32,
         SETPOINT: word[b.throttle] > b.throttle_max_q15,
         TILTED: word[b.up_z] < b.up_z_min_q30,

@@ -184,6 +184,7 @@ TAKEOFF = takeoff.Bounds(
     up_z="up_q30_2",
     variance="tilt_variance_rad2_q32",
     blind=0b111,
+    stands=LANDED,
     throttle_max_q15=round(0.05 * 32767),
     rest_turnps_q28=round(5.0 / 360.0 * 2**28),
     up_z_min_q30=round(math.cos(math.radians(25.0)) * 2**30),

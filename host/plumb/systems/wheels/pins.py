@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 SCENARIO = "level"
 SHOWN, TUNING = SCENARIO, "steered"
-FRAMES = ("RAW_A", "RAW_B", "RAW_C", "WHEELS_DRIVE", "WHEELS_ANGLE")
+FRAMES = ("RAW_A", "RAW_B", "RAW_C", "RAW_D", "RAW_E", "WHEELS_DRIVE", "WHEELS_ANGLE")
 BREAK_PIN, BATTERY_PIN, RIDER_PIN = "PB12", "PA2", "PA3"
 MOTORS = (("PB14", "PA8", "PB13"), ("PB15", "PB0", "PB1"))
 """PWM, direction forward, direction backward of the left and of the right motor."""
