@@ -1,4 +1,4 @@
-"""Find settings from measurements: sensor noise at rest, Q and R of the filter, gains of the PID.
+"""Find settings from measurements: sensor noise at rest, Q and R of the filter, gains of the PID, a vehicle's drag.
 
     plumb tune noise rest.npz --out out/noise          Allan deviation, noise figures, and Q and R of quad
     plumb tune noise today.plog --system balancer      a log of `plumb record --run live`
@@ -11,9 +11,11 @@
     plumb tune pid --board native --system wheels --phase-deg 30 --delay-ms 20             its turn rate
     plumb tune pid flight.plog --loop roll --phase-deg 45 --out out/roll        a vehicle that you have flown
     plumb tune pid --board serial:/dev/ttyUSB0 --arm-and-move
+    plumb tune vehicle flight.plog                     thrust of a hover and drag of a vehicle that you have flown
+    plumb tune vehicle flight.plog --write --board serial:/dev/ttyUSB0
 
-RECORDING is .npz or .csv as for `plumb replay`, or a log of `plumb record`. No command changes the parameters of a
-board; the line that sets the settings is printed.
+RECORDING is .npz or .csv as for `plumb replay`, or a log of `plumb record`. No command but `vehicle --write` changes
+the parameters of a board; the line that sets the settings is printed.
 
 `noise` takes the longest rest of the recording. The sensor lies still for some minutes; the longer, the better bias
 instability and random walk are known. It prints white noise, bias instability and random walk with their confidence,
@@ -33,6 +35,10 @@ together, and of the rate without the vertical. Of `wheels`, rolling straight ah
 its loop of balance is not tested. A real vehicle is never armed for it: fly it by its receiver, record with
 `plumb record --run live`, or fly with `plumb fly`, and give the log. A minute in which the stick of the axis moves
 without a pause, level and gently, is enough. Exit code 1 when no gains have the margins.
+
+`vehicle` takes the log of a flight to and fro, by 15 to 30 deg for a minute, in mode level. It prints the thrust
+command of a hover and the drag by mass and speed, each with its interval of 95 %, and offsets of the accelerometer
+where the flight tells them. A flight that hovers alone does not tell the drag, and is refused.
 """
 
 from __future__ import annotations
@@ -44,7 +50,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plumb.cli import options
+from plumb.cli import options, tune_vehicle
 
 if TYPE_CHECKING:
     from plumb.analyses.identification.loop_test import LoopRun
@@ -59,7 +65,7 @@ FILES = ("report.html", "tune.json")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    verbs = parser.add_subparsers(dest="action", required=True, metavar="noise|filter|pid")
+    verbs = parser.add_subparsers(dest="action", required=True, metavar="noise|filter|pid|vehicle")
     noise = verbs.add_parser("noise", help="Q and R from a recording at rest, with an Allan plot")
     noise.add_argument("recording", type=Path, metavar="RECORDING", help=".npz, .csv, or a log of `plumb record`")
     add_target(noise, "whose Q and R are wanted (default: the recorded board's, else that of `plumb replay`)")
@@ -75,6 +81,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_seconds(likely, "only the first N seconds")
     add_output(likely)
     add_pid(verbs.add_parser("pid", help="gains of the PID from a test of the loop"))
+    flown = verbs.add_parser("vehicle", help="thrust of a hover and drag of a vehicle from a flight")
+    tune_vehicle.add_arguments(flown)
+    add_output(flown)
 
 
 def add_pid(pid: argparse.ArgumentParser) -> None:
@@ -135,7 +144,9 @@ def main(arguments: argparse.Namespace) -> int:
     require_scipy()
     if arguments.out:  # before a machine moves for it
         require_writable(arguments.out)
-    good = {"noise": tune_noise, "filter": tune_filter, "pid": tune_pid}[arguments.action](arguments)
+    good = {"noise": tune_noise, "filter": tune_filter, "pid": tune_pid, "vehicle": tune_flown_vehicle}[
+        arguments.action
+    ](arguments)
     return ExitCode.GOOD if good else ExitCode.BAD_VERDICT
 
 
@@ -270,6 +281,15 @@ def tune_flown(arguments: argparse.Namespace, wanted: Wanted) -> bool:
     plots, told = pid_page.plots(tuning, None) if arguments.out else [], pid_page.to_json(tuning, None)
     give(arguments, "Loop, flown and tuned", lead, pid_page.tables(tuning, None), plots, told)
     return not tuning.refusal()
+
+
+def tune_flown_vehicle(arguments: argparse.Namespace) -> bool:
+    """True; raises UsageError for a flight that tells too little."""
+    settings, lead, tables, told = tune_vehicle.found(arguments)
+    give(arguments, "Vehicle, from a flight", lead, tables, [], told)
+    if arguments.write:
+        tune_vehicle.write(arguments, settings)
+    return True
 
 
 def wanted_of(arguments: argparse.Namespace) -> Wanted:

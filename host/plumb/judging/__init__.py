@@ -12,6 +12,8 @@ optional:
     margins.toml  margins of its closed loops on the flash image (tools/gen_margins.py)
     sweep.py      how they are swept on a board (plumb.proof.loop_figures.SweptLoops)
     tested_loops.py  loops that `plumb tune pid` tests (plumb.analyses.identification.tested_loop.TestedLoops)
+    flown_vehicle.py  the vehicle in a flight, for `plumb tune vehicle`
+                  (plumb.analyses.identification.vehicle_fit.FlownVehicles)
     replay.py     recordings of real sensors as inputs of a run (plumb.inputs.replay.Replayed)
     compare.py    its vertical, for comparison with published algorithms (plumb.analyses.comparison.contenders.Compared)
     flight.py     its vertical in simulated flight (plumb.analyses.flights.estimators.FlownSystem)

@@ -83,8 +83,20 @@ def flown(params: ControlParams, raw: RawCounts, setpoint: Setpoints, axis: str 
     return FlownRun(params, tested, excited, raw, setpoint, windows[0], windows, np.empty(0))
 
 
-def of_log(path: Path, axis: str | None) -> FlownRun:
-    """The loop of the board in a log, in the run that is known best. Raises UsageError for what tells too little."""
+@dataclass(frozen=True)
+class KnownSteps:
+    """The run of a log that is known best, from its first step on, as the board computed it. unknown: why the steps
+    behind them are not, "" when there are none."""
+
+    params: ControlParams
+    raw: RawCounts
+    setpoint: Setpoints
+    unknown: str
+
+
+def known_steps(path: Path) -> KnownSteps:
+    """Raises UsageError for a log without inputs from the first step on, for gains that changed, and for steps that are
+    not those of the counts."""
     recorded = log_replay.chosen(log_replay.runs_of(log_replay.open_log(path)), None)
     run, params = recorded.run, recorded.used.params
     if recorded.changes:
@@ -96,11 +108,19 @@ def of_log(path: Path, axis: str | None) -> FlownRun:
     digests, own = steps.digest, run_fixed.run_control(params, raw, setpoint).digests()
     if np.any((digests != own) & steps.digest_known):
         raise UsageError(f"{path}: the board's steps are not those of its counts: `plumb replay` says from where on")
+    return KnownSteps(
+        params, raw, setpoint, f"{recorded.known} steps are known: {recorded.unknown}" * bool(recorded.unknown)
+    )
+
+
+def of_log(path: Path, axis: str | None) -> FlownRun:
+    """The loop of the board in a log, in the run that is known best. Raises UsageError for what tells too little."""
+    known = known_steps(path)
     try:
-        return flown(params, raw, setpoint, axis)
+        return flown(known.params, known.raw, known.setpoint, axis)
     except UsageError as error:
-        if recorded.unknown:
-            raise UsageError(f"{error}; of {path} {recorded.known} steps are known: {recorded.unknown}") from None
+        if known.unknown:
+            raise UsageError(f"{error}; of {path} {known.unknown}") from None
         raise
 
 
