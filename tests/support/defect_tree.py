@@ -19,12 +19,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from plumb.proof.faults import table
+from plumb.proof.faults.scene import PILOT
+from plumb.spec import declarations, images
 from support.defects import ROOT, Defect
 
 IMAGE, NATIVE = "stm32f103", "native"
 """Presets of CMake, and their build folders. The preset of another flash image is its name."""
 NAMED = re.compile(r'find_image\(Path\("(\w+)"\)\)')
-"""How a test opens another flash image than that of all systems."""
+RUNNING = re.compile(r'images\.running\(["\'](\w+)["\']\)')
+"""How a test opens another flash image than that of all systems: by its name, or as that which runs a system."""
 CODE = {
     IMAGE: (f"build/{IMAGE}/firmware.bin",),
     NATIVE: (f"build/{NATIVE}/libplumb_native.so", f"build/{NATIVE}/libplumb_board.so"),
@@ -173,12 +177,31 @@ class Tree:
 def preset_of(name: str) -> str:
     """What the row or test runs: a flash image, or the core on this machine."""
     if "/" not in name:
-        return IMAGE
+        return running(system_of_row(name))
     text = (ROOT / name.partition("::")[0]).read_text(encoding="utf-8")
     if (named := NAMED.search(text)) is not None:
         return named[1]
+    if (of_system := RUNNING.search(text)) is not None:
+        return running(of_system[1])
     on_image = "stm32f103" in text or "find_image" in text or "balancer_bench" in text or "unicorn" in text
     return IMAGE if on_image else NATIVE
+
+
+def running(system: str | None) -> str:
+    """The image that runs a system; None: one that the image of all systems has."""
+    image = images.running(system)
+    return IMAGE if image is None else str(image)
+
+
+def system_of_row(name: str) -> str | None:
+    """The system that alone has a row, where the image of all systems leaves it out: the one that a pilot flies."""
+    flown = [fault.needs >= {PILOT} for fault in table.FAULTS if fault.name == name.partition("@")[0]]
+    return next(filter(flies, table.tested_systems())) if flown and all(flown) else None
+
+
+def flies(system: str) -> bool:
+    """Whether a pilot's receiver may arm it, and it flies."""
+    return declarations.system(system).checked_by == "takeoff"
 
 
 def judged(tree: Tree, defect: Defect) -> tuple[list[Verdict], list[str]]:

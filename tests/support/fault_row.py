@@ -16,10 +16,12 @@ from plumb.flash.image import find_image
 from plumb.proof.faults import table
 from plumb.proof.faults.runner import Runner
 from plumb.proof.faults.scene import scenarios_of
+from plumb.spec import images
 
 
-def run(name: str, phases: int) -> str:
-    """Why the row fails on this checkout's image; "" when it passes. Raises ValueError for a row that no system has."""
+def run(name: str, phases: int) -> tuple[str, str]:
+    """Why the row fails on this checkout's image, "" when it passes, and the system that has it. Raises ValueError for
+    a row that no system has."""
     name, _, feature = name.partition("@")
     faults = [fault for fault in table.FAULTS if fault.name == name]
     for system in table.tested_systems():
@@ -28,13 +30,13 @@ def run(name: str, phases: int) -> str:
                 here = feature in ("", *runner.scene("serial")[0].features)
                 found = [fault for fault in faults if here and runner.applies(fault)]
                 if found:
-                    return runner.run(found[0]).why
+                    return runner.run(found[0]).why, system
             except LinkError as error:
-                return f"{system} cannot be armed: {error}"
+                return f"{system} cannot be armed: {error}", system
     raise ValueError(f"no system has a row '{name}'")
 
 
 if __name__ == "__main__":
-    image = find_image()
-    why = run(sys.argv[1], int(sys.argv[2]))
+    why, ran_on = run(sys.argv[1], int(sys.argv[2]))
+    image = find_image(images.running(ran_on))
     print(json.dumps({"why": why, "image": hashlib.sha256(image.read_bytes()).hexdigest(), "path": str(image)}))

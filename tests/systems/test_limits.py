@@ -13,6 +13,7 @@ from plumb.boards.native import NativeBoard
 from plumb.proof import limits, runs
 from plumb.proof.figures import limits_of
 from plumb.systems.contracts import fitted
+from plumb.systems.quadrotor.courses import COURSES
 from plumb.tuning.quantise import quantise
 
 FAR_DEG = 93.0
@@ -49,6 +50,18 @@ def test_a_run_of_any_scenario_is_judged(name: str) -> None:
             return
         assert found.verdict == "fail", (scenario, tuning, loop, shorter)
         assert found.text.startswith("93 deg rms — outside the limit: at most ")
+
+
+def test_a_flight_of_any_scenario_is_judged_by_what_its_pilot_asks() -> None:
+    """A good estimate is not enough: the sticks that the host sent by mistake were 0 in every step."""
+    for scenario, tuning, loop, shorter in kinds("quadrotor"):
+        found = limits_of("quadrotor", scenario, tuning, loop, shorter=shorter)
+        flown = [limit.value for limit in found if limit.metric == limits.FLOWN]
+        stands = COURSES[scenario].held or (shorter and COURSES[scenario].seconds < 10.0)  # measured over 3 s then
+        assert len(flown) == (loop == "closed" and not stands), (scenario, tuning, loop, shorter)
+        for value in flown:
+            for off, verdict in ((0.99 * value, "pass"), (1.01 * value, "fail")):
+                assert limits.judged({limits.RMS: 0.01, limits.FLOWN: off}, found).verdict == verdict
 
 
 def test_a_limit_that_was_asked_for_stays() -> None:

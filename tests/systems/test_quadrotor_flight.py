@@ -9,15 +9,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-import plumb
 from plumb.boards.fixed import FixedBoard
-from plumb.errors import LinkError, UsageError
+from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.judging.quadrotor import loops
 from plumb.judging.quadrotor.flown import Flown, fly
 from plumb.physics.airframe import HUMMINGBIRD_X
 from plumb.proof.runs import closed_loop
-from plumb.spec import crsf, images
+from plumb.spec import images
 from plumb.systems.quadrotor import courses, quantise, scenarios
 from plumb.systems.quadrotor.vehicle import ROTORS_ON, Vehicles
 
@@ -121,35 +120,6 @@ def test_a_flight_in_closed_loop_on_the_flash_image_is_the_model_bit_for_bit(lin
     assert (done.verdict, done.mismatches) == ("pass", 0)
     assert len(done.inputs.raw) == run.steps
     assert link == "can" or done.board_words["rotor_q24_0"][-1] > 0, "they turn at the end"
-
-
-@pytest.fixture
-def flash_image() -> None:
-    pytest.importorskip("unicorn")
-    try:
-        find_image(images.running("quadrotor"))
-    except UsageError as missing:
-        pytest.skip(str(missing))
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("flash_image")
-def test_a_flight_over_the_pins_is_the_model_bit_for_bit_and_leans_as_the_pilot_asks() -> None:
-    """The chip on I2C and the pilot's CRSF in, four pulses out: armed, taken from its stand and flown."""
-    done = plumb.run("quadrotor", board="virtual", live=True, scenario="lean", seconds=courses.ACTS_S + 1.0)
-    assert done.verdict == "pass" and done.bit_exact
-    assert done["rotor_0"][-1] > 0.1, "it flies on what leaves the pins"
-    lean_deg, height_m = done.metrics["lean_max_deg"], done.metrics["height_least_m"]
-    assert isinstance(lean_deg, float) and abs(lean_deg - courses.LEAN_DEG) < 2.0
-    assert isinstance(height_m, float) and abs(height_m - courses.HEIGHT_M) < 0.3
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("flash_image")
-def test_a_live_run_whose_pilot_is_not_heard_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(crsf.Pilot, "frames", lambda *_: b"")
-    with pytest.raises(LinkError, match="the pilot's receiver is lost, or was never heard"):
-        plumb.run("quadrotor", board="virtual", live=True, scenario="lean", seconds=4.5)
 
 
 def test_a_run_is_a_batch_of_one() -> None:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-import plumb
-from plumb.errors import UsageError
-from plumb.flash.image import find_image
-from plumb.spec import crsf, images
+from plumb.spec import crsf
 from plumb.systems.wheels import rides
 from support.ridden_board import ON, Ridden
 
@@ -141,18 +138,3 @@ def test_what_keeps_a_rider_from_arming_is_named(words: dict[str, int], why: str
     ride.passes(0.4)
     assert not ride.board.armed and not ride.driven
     assert why in ride.missing
-
-
-@pytest.mark.slow
-def test_a_live_run_over_the_pins_rides_as_its_pilot_asks() -> None:
-    """The chip on I2C, encoders and the pilot's CRSF in, two duties out."""
-    pytest.importorskip("unicorn")
-    try:
-        find_image(images.running("wheels"))
-    except UsageError as missing:
-        pytest.skip(str(missing))
-    done = plumb.run("wheels", board="virtual", live=True, scenario="receiver", seconds=rides.BEGINS_S + 2.0)
-    assert done.verdict == "pass" and done.bit_exact
-    off_mps = done.metrics["velocity_rmse_mps"]
-    assert isinstance(off_mps, float) and off_mps < 0.3
-    assert max(abs(done["velocity_mps"])) > 0.2

@@ -18,7 +18,7 @@ import numpy as np
 
 from plumb import systems
 from plumb.proof import intervals, xy_plot
-from plumb.proof.limits import RMS, Limit, Limits, measured
+from plumb.proof.limits import Limit, Limits, measured
 from plumb.proof.report import Plot, plot_svg, write_whole
 from plumb.proof.xy_plot import XyPlot
 from plumb.spec.arrays import FloatArray
@@ -135,14 +135,14 @@ def _part(name: str) -> FigureSections | None:
 
 
 def limits_of(system: str, scenario: str, tuning: str, loop: str, *, shorter: bool = False) -> Sequence[Limit]:
-    """Limits of a run: those that the system declares, and the measured one where none of these is of the rms error.
+    """Limits of a run: those that the system declares, and the measured ones of the metrics that none of these is of.
     loop: open or closed. shorter: for a run of less than the scenario's length, for which the sources require
     nothing."""
     part = _part(system)
     asked = part.LIMITS.get((scenario, tuning, loop), ()) if part is not None and not shorter else ()
-    if any(limit.metric == RMS for limit in asked):
-        return asked
-    return (*asked, *measured(system, scenario, tuning, loop, shorter=shorter))
+    declared = {limit.metric for limit in asked}
+    found = measured(system, scenario, tuning, loop, shorter=shorter)
+    return (*asked, *(limit for limit in found if limit.metric not in declared))
 
 
 def without_figures(names: Iterable[str]) -> list[str]:

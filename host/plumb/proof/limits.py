@@ -24,6 +24,8 @@ MARGIN = 1.5
 BASIS = "1.5 times the worst of seeds 1000 to 1039"
 ASKED_OF_MEAN = "asked of the mean of 40 seeds, a single run may miss it"
 RMS = "angle_rmse_deg"
+FLOWN, FLOWN_TABLES = "flown_rmse_deg", "flown"
+"""Of a system that is flown: how far the vehicle is from what its pilot asks for, and the tables of its limits."""
 ANY_OTHER = "*"
 
 
@@ -67,10 +69,13 @@ def table(system: str, loop: str, scenario: str, *, shorter: bool = False) -> Ma
 
 
 def measured(system: str, scenario: str, tuning: str, loop: str, *, shorter: bool = False) -> Sequence[Limit]:
-    """The measured limit of a run; () where there is none."""
-    limits = table(system, loop, scenario, shorter=shorter)
-    value = limits.get(tuning, limits.get(ANY_OTHER))
-    return () if value is None else (Limit(RMS, "at most", value, "deg", BASIS),)
+    """The measured limits of a run; () where there are none."""
+    found = []
+    for metric, key in ((RMS, loop), (FLOWN, f"{FLOWN_TABLES}-{loop}")):
+        limits = table(system, key, scenario, shorter=shorter)
+        if (value := limits.get(tuning, limits.get(ANY_OTHER))) is not None:
+            found.append(Limit(metric, "at most", value, "deg", BASIS))
+    return tuple(found)
 
 
 @dataclass(frozen=True)

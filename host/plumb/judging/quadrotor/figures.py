@@ -77,6 +77,12 @@ def errors_side_by_side(scenario: str, tuning: str, loop: str, seeds: Iterable[i
     return fly(scenario, seeds, quadrotor.TUNINGS[tuning], open_loop=loop == "open").error_deg
 
 
+def flown_side_by_side(scenario: str, tuning: str, seeds: Iterable[int]) -> FloatArray:
+    """Angle between the true vertical and the one that the pilot asks for, of every step and seed, deg, (steps, runs):
+    the runs that `plumb run` makes in closed loop."""
+    return fly(scenario, seeds, quadrotor.TUNINGS[tuning]).apart_deg
+
+
 @lru_cache(maxsize=4)
 def _flown(name: str, seeds: tuple[int, ...]) -> Flown:
     return fly(name, seeds, quadrotor.TUNINGS[_tuning(name)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from plumb.physics.battery import BATTERY_PIN, Battery
+from plumb.proof.faults.buses import sda_stuck
 from plumb.proof.faults.clock import steps_stop
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.hangs import BY_WINDOW_WATCHDOG, loop_hangs
@@ -11,6 +12,7 @@ from plumb.proof.faults.outputs import PROGRAM
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import PILOT, RECEIVER, Scene
 from plumb.proof.faults.sensors import GYRO_BACK, chip, digital
+from plumb.spec import crsf
 
 FLOWN = frozenset({PILOT})
 CHIPS = frozenset({PILOT, "chips"})
@@ -52,12 +54,38 @@ def says(what: tuple[float, bool] | None) -> Action:
     return inject
 
 
+def sends_also(frame: bytes) -> Action:
+    """The receiver sends this behind each frame of channels."""
+
+    def inject(scene: Scene) -> None:
+        assert scene.pilot is not None
+        scene.pilot.also = frame
+
+    return inject
+
+
+def switches_in_one_frame(scene: Scene) -> None:
+    """Every eighth frame says off, the others on."""
+    assert scene.pilot is not None
+    scene.pilot.between = False
+
+
 def sensor_is_gone(scene: Scene) -> None:
     """It does not acknowledge for a while."""
     chip("gyro", answers=False)(scene)
     scene.run(GONE_S)
     chip("gyro", answers=True)(scene)
 
+
+def damaged(frame: bytes) -> bytes:
+    """The same frame with another CRC."""
+    return frame[:-1] + bytes([frame[-1] ^ 1])
+
+
+MSP_WRITE = 0x7C
+"""Type of a frame of CRSF that carries a message of another protocol."""
+INSIDE = crsf.frame(MSP_WRITE, bytes([crsf.SYNC, 0xEA]) + crsf.sticks() * 2)
+"""A frame with two frames of channels in its payload, the rotors off and the throttle low."""
 
 FAULTS = (
     Fault("flown-host-silent", "flights", "the host that listens stops sending, while a pilot flies", silent, "held",
@@ -80,6 +108,16 @@ FAULTS = (
           (BY_SWITCH,), needs=FLOWN, link=RECEIVER, phases=True),
     Fault("flown-receiver-silent", "flights", "no frame of the receiver comes, in the air", says(None), "receiver",
           (BY_STEP, RECEIVER_LOST), needs=FLOWN, link=RECEIVER, phases=True),
+    Fault("flown-link-quality-0", "flights", "the receiver sends its last frames and a link quality of 0",
+          sends_also(crsf.statistics(0)), "receiver", (BY_STEP, RECEIVER_LOST), needs=FLOWN, link=RECEIVER),
+    Fault("flown-statistics-damaged", "flights", "link statistics of quality 0 with a wrong CRC, while a pilot flies",
+          sends_also(damaged(crsf.statistics(0))), "held", needs=FLOWN, link=RECEIVER, holds=True),
+    Fault("flown-channels-inside-a-frame", "flights", "frames of channels with the rotors off in the payload of another"
+          " frame, while a pilot flies", sends_also(INSIDE), "held", needs=FLOWN, link=RECEIVER, holds=True),
+    Fault("flown-switch-in-one-frame", "flights", "every eighth frame of the receiver switches the rotors off",
+          switches_in_one_frame, "held", needs=FLOWN, link=RECEIVER, holds=True),
+    Fault("flown-sda-stuck", "flights", "a chip holds SDA for nine clocks, while a pilot flies", sda_stuck, "sensor",
+          (GYRO_BACK,), needs=CHIPS, link=RECEIVER, moves_on=True),
     Fault("flown-sensor-gone", "flights", "the sensor does not acknowledge for 20 ms, while a pilot flies",
           sensor_is_gone, "sensor", (GYRO_BACK,), needs=CHIPS, link=RECEIVER, moves_on=True),
     Fault("flown-sensor-lost", "flights", "the sensor does not acknowledge, while a pilot flies",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
+from plumb.link.transports.slcan import text_of_frames
 from plumb.proof.faults import core
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
@@ -63,6 +64,15 @@ def cable_off(scene: Scene) -> None:
 def closes_and_opens(scene: Scene) -> None:
     """Both lines arrive before the main loop reads the first."""
     scene.machine.uart.write(b"C\rO\r")
+
+
+def disarms_through(command: bytes) -> Action:
+    """Another host than the one that armed opens or closes its UART with this command, and says DISARM there."""
+
+    def inject(scene: Scene) -> None:
+        scene.machine.uart.write(command + text_of_frames([scene.session.frame("DISARM", 0, 0)]))
+
+    return inject
 
 
 def in_one_turn(scene: Scene, first: Frame) -> None:
@@ -176,6 +186,10 @@ FAULTS = (
     Fault("link-closed-and-greeted-on-can", "host", "the host sends CLOSE and HELLO in one turn", closes_and_greets,
           "command", (Told(*CAUSE, CLOSED),), link="can"),
     Fault("host-disarms", "host", "DISARM", disarms, "command", (Told(*CAUSE, COMMAND),)),
+    Fault("read-only-host-disarms", "host", "DISARM over a UART that is open read-only; a host on CAN armed",
+          disarms_through(b"L\r"), "command", (Told(*CAUSE, COMMAND),), link="can"),
+    Fault("closed-host-disarms", "host", "DISARM over a UART that is closed; a host on CAN armed",
+          disarms_through(b"C\r"), "command", (Told(*CAUSE, COMMAND),), link="can"),
     Fault("host-ends-run", "host", "RUN_END", ends_run, "command", (Told(*CAUSE, COMMAND),)),
     Fault("host-of-another-version", "host", "HELLO of another protocol version over the link that armed",
           other_version, "command", (Told(*CAUSE, 1),)),
