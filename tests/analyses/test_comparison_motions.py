@@ -13,6 +13,7 @@ from plumb.inputs.recording import G_MPS2
 
 NAMES = [
     "arm-170", "arm-200", "arm-230", "dash-5", "dash-12", "dash-20", "roundabout-15", "roundabout-40", "bank-turn",
+    "merry-go-round", "bias-step", "bias-step-rest",
     "vibration-100", "vibration-200", "vibration-300", "vibration-400", "vibration-500",
 ]  # fmt: skip
 
@@ -89,10 +90,26 @@ def test_a_seed_is_a_run_with_rest_at_its_begin_and_sensors_of_its_own(name: str
     one, again, other = (next(iter(motions.of_motion(name, [seed]).trials())).pieces[0] for seed in (1000, 1000, 1001))
     assert np.array_equal(one.counts, again.counts) and not np.array_equal(one.counts, other.counts)
     assert one.period_us == 2500 and len(one.counts) == 24_000
-    assert one.scored.tolist() == [False] * 4000 + [True] * 18_400 + [False] * 1600
+    begun = int(np.argmax(one.scored))
+    assert one.scored.tolist() == [False] * begun + [True] * (22_400 - begun) + [False] * 1600
+    assert 6000 <= begun <= 10_000 if name in motions.STEPPED else begun == 4000
     biases_dps = np.mean(one.counts[:3999, :3] * one.sensor.gyro.unit_per_count, axis=0)
     assert np.abs(biases_dps) == pytest.approx([1.0] * 3, abs=0.01)
     assert np.linalg.norm(np.mean(one.acc_mps2[:3999], axis=0)) == pytest.approx(G_MPS2, rel=0.01)
+
+
+def test_the_bias_steps_on_one_axis_or_on_three() -> None:
+    name, axes = "bias-step-rest", set()
+    for seed in range(1000, 1008):
+        rested = motions.worsened(motions.prescribed(name, seed), np.random.default_rng([seed, 1]))
+        stepped = motions.stepped(rested, np.random.default_rng([seed, 2]))
+        added_dps = stepped.gyr_dps - rested.gyr_dps
+        begun = int(np.argmax(stepped.movement))
+        assert not added_dps[:begun].any() and np.ptp(added_dps[begun:], axis=0) == pytest.approx([0.0] * 3, abs=1e-9)
+        sizes_dps = np.abs(added_dps[begun])
+        axes.add(int(np.count_nonzero(sizes_dps)))
+        assert 0.5 <= sizes_dps.max() <= 10.0
+    assert axes == {1, 3}
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,8 @@ COSTS = (
 )
 MEASURE = (
     "Angle between estimated and true vertical, deg: root mean square over the samples marked as movement, mean of the "
-    "recordings and seeds, and the worst of them in brackets. A heading error does not count. -: the system cannot "
-    "have this period."
+    "recordings and seeds, and in brackets the worst of them and the largest error. A heading error does not count. -: "
+    "the system cannot have this period."
 )
 SIGMA = (
     "Sigma: root of the sum of the tilt variances of both axes that the algorithm states, mean over the scored "
@@ -64,7 +64,7 @@ def _outside(results: Sequence[Compared], algorithms: Sequence[Described]) -> li
 
 def _mean(result: Compared, name: str) -> str:
     found = result.means(name)
-    return NONE if found is None else f"{found.rmse_deg:.3f} ({found.worst_rmse_deg:.2f})"
+    return NONE if found is None else f"{found.rmse_deg:.3f} ({found.worst_rmse_deg:.2f}, {found.max_deg:.1f})"
 
 
 def _sigmas(results: Sequence[Compared], names: Sequence[str]) -> list[list[str]]:
