@@ -5,6 +5,13 @@
 #define INNOVATION_LIMIT_Q28 ((1 << 28) - 1)
 #define GATE                 25 /* 5^2: beyond 5 sigma a supposed rest is a turn */
 
+/* For the slices that have cycles to spare beside the step: small rather than fast. */
+#if defined(__GNUC__) && defined(__arm__) && !defined(__clang__)
+#define SMALL __attribute__((optimize("Os")))
+#else
+#define SMALL
+#endif
+
 /* Adds to an entry of the covariance or to a correction, modulo 2^32: no input makes the sum undefined. */
 static inline void add(int32_t *to, int32_t by) {
     *to = add_wrap(*to, by);
@@ -46,7 +53,7 @@ SELDOM_CALLED void plumb_error_filter_start(plumb_error_filter_t *e, int32_t bia
     }
 }
 
-void plumb_error_filter_predict(plumb_error_filter_t *e) {
+SMALL void plumb_error_filter_predict(plumb_error_filter_t *e) {
     int32_t *const by = e->correction_q28;
     const int32_t lever = e->half_lever_q32;
     add(&by[VELOCITY], mulhi_near(lever, by[TILT + 1]));
@@ -91,10 +98,11 @@ void plumb_error_filter_grow_tilt(plumb_error_filter_t *e, unsigned axis) {
         }
         grown[i] = add_wrap(sum, mulhi_near(coupling[i], *entry++));
     }
-    add(&row_of(covariance, TILT + 1)[TILT], weighted(coupling, other));
-    add(&x[TILT + axis], weighted(coupling, x));
-    add(&y[TILT + axis], weighted(coupling, y));
-    add(&own[TILT + axis], add_wrap(weighted(coupling, own), weighted(coupling, grown)));
+    const int32_t *const of[5] = {other, x, y, own, grown};
+    int32_t *const to[5] = {&row_of(covariance, TILT + 1)[TILT], &x[TILT + axis], &y[TILT + axis],
+                            &own[TILT + axis], &own[TILT + axis]};
+    for (unsigned i = 0; i < 5U; i++)
+        add(to[i], weighted(coupling, of[i]));
     for (unsigned i = 0; i < 6U; i++)
         own[i] = grown[i];
 }
@@ -105,7 +113,8 @@ static inline void grow(int32_t *variance, int32_t by) {
         *variance += by;
 }
 
-void plumb_error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, int32_t scale_growth_q32) {
+SMALL void plumb_error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32,
+                                   int32_t scale_growth_q32) {
     plumb_error_filter_grow_velocity(e);
     int32_t *variance = e->covariance_q32;
     for (unsigned i = 0; i < STATES; i++) {
@@ -118,8 +127,8 @@ void plumb_error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, i
     }
 }
 
-void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint64_t variance_q32,
-                              int32_t measured_q28) {
+SMALL void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint64_t variance_q32,
+                                    int32_t measured_q28) {
     int32_t *const covariance = e->covariance_q32;
     for (unsigned i = 0; i < STATES; i++)
         e->measured_row_q32[i] = i <= at ? row_of(covariance, at)[i] : row_of(covariance, i)[at];
@@ -143,7 +152,7 @@ void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint64_t var
     }
 }
 
-void plumb_error_filter_shrink(plumb_error_filter_t *e) {
+SMALL void plumb_error_filter_shrink(plumb_error_filter_t *e) {
     int32_t *entry = e->covariance_q32;
     for (unsigned i = 0; i < STATES; i++) {
         const int32_t gain_q28 = e->gain_q28[i];

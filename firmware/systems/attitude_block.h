@@ -3,8 +3,7 @@
 #ifndef PLUMB_SYSTEMS_ATTITUDE_BLOCK_H
 #define PLUMB_SYSTEMS_ATTITUDE_BLOCK_H
 
-#include "attitude_travel.h"
-#include "attitude_turns.h"
+#include "attitude_shock.h"
 
 #define TWO_BY_PI_Q31       1367130551 /* normalised bias (rad/s times 4) Q28 to turn/s Q32 */
 #define BIAS_LIMIT_Q32      (1 << 30)  /* 90 deg/s */
@@ -12,10 +11,11 @@
 #define SPEED_LIMIT_Q26     INT32_MAX /* 32 g^2 s^2: largest variance of a measured velocity */
 #define TILT_STEP_LIMIT_Q28 (1 << 26) /* largest correction of the tilt in a block, rad */
 #define ALIGNING_BLOCKS     4U
-#define LEAST_REST_Q16      59146U     /* 0.95^2 g^2: the acceleration of a body at rest */
-#define MOST_REST_Q16       72253U     /* 1.05^2 g^2 */
+#define LEAST_REST_Q16      62300U     /* 0.975^2 g^2: the acceleration of a body at rest */
+#define MOST_REST_Q16       68853U     /* 1.025^2 g^2 */
+#define TILTED_Q24          15099494   /* 0.9 g: the cosine of 26 deg */
+#define LONG_RESTS          7U         /* rests in a row that a steady acceleration does not last */
 #define MOST_BY_TURN        (1 << 30)  /* growth of the tilt's variance by the square of a turn, Q32 */
-#define RISE_LIMIT_Q18      157286     /* 0.6 g: no body accelerates downwards so much for seconds */
 #define RESTING_SQUARE_Q24  104857600  /* (2.5 g s)^2: a body at rest is not as fast as 25 m/s */
 #define MOST_LASTING_Q24    (1U << 23) /* (0.7 g s)^2: in flight, 20 deg of stated tilt */
 #define JUDGED              (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
@@ -37,21 +37,29 @@ static void clear_sums(plumb_attitude_t *c) {
     c->moved = false;
 }
 
-/* Restarts the filter as before the first sample; the heading stays. */
-SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
+/* Forgets the velocity, and how well the errors are known: their variances become those of a start, of bias
+ * and tilt these. */
+SELDOM void forget(plumb_attitude_t *c, const plumb_attitude_params_t *a, int32_t bias, int32_t tilt) {
     plumb_attitude_words_t *const w = &c->words;
-    for (unsigned i = 0; i < 3U; i++)
-        w->bias_turnps_q32[i] = w->scale_q32[i] = 0;
     w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
     w->velocity_square_g2s2_q24 = 0;
-    plumb_error_filter_start(&c->errors, a->start_bias, a->start_scale, a->start_tilt, a->start_speed);
+    plumb_error_filter_start(&c->errors, bias, a->start_scale, tilt, a->start_speed);
     w->tilt_variance_rad2_q32 = 2U * (uint32_t)a->start_tilt;
-    c->block_flags = PLUMB_ATTITUDE_FLAG_ALIGNING | PLUMB_ATTITUDE_FLAG_UNSURE;
-    c->slice = SLICE_NONE;
-    c->still_blocks = c->aligned_blocks = 0;
+    c->block_flags |= PLUMB_ATTITUDE_FLAG_UNSURE;
+    c->held_blocks = 0;
     c->travel_gs_q28[0] = c->travel_gs_q28[1] = 0;
     c->travel_excess_q24 = c->rise_g_q18 = 0;
     c->corrected_rad_q26[0] = c->corrected_rad_q26[1] = 0;
+}
+
+/* Restarts the filter as before the first sample; the heading stays. */
+SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
+    for (unsigned i = 0; i < 3U; i++)
+        c->words.bias_turnps_q32[i] = c->words.scale_q32[i] = 0;
+    c->block_flags = PLUMB_ATTITUDE_FLAG_ALIGNING;
+    forget(c, a, a->start_bias, a->start_tilt);
+    c->slice = SLICE_NONE;
+    c->still_blocks = c->aligned_blocks = 0;
     clear_sums(c);
 }
 
@@ -77,32 +85,45 @@ SELDOM void correct(plumb_attitude_t *c) {
         w->velocity_gs_q28[i] = saturated(w->velocity_gs_q28[i] + 2 * (int64_t)by[VELOCITY + i]);
 }
 
-/* True for an acceleration of 1 g, within 5 %, that is 26 deg or more off the vertical. A body that
- * accelerates horizontally would measure at least 1.11 g at that angle, so the attitude is wrong when the
- * body rests. */
-static bool tilted_at_rest(const int32_t mean_g_q18[3]) {
-    uint32_t square_q16 = 0, up_q16 = 0;
+/* True for an acceleration of 1 g, within 2.5 %, that is 26 deg or more off the vertical. A body that has
+ * taken one horizontal acceleration for the vertical, and then feels the opposite one, measures at
+ * least 1.026 g at that angle, so the attitude is wrong when the body rests. */
+static bool tilted_at_rest(const plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    uint32_t square_q16 = 0;
+    int32_t mean_g_q24 = 0;
     for (unsigned i = 0; i < 3U; i++) {
-        const int32_t mean_g_q24 = wrap_i32((uint32_t)mean_g_q18[i] << 6);
-        up_q16 = (uint32_t)mulhi_i32(mean_g_q24, mean_g_q24);
-        square_q16 += up_q16;
+        mean_g_q24 = wrap_i32((uint32_t)mulhi_i32(c->force_before_q18[i], p->inverse_block_q32) << 6);
+        square_q16 += (uint32_t)mulhi_i32(mean_g_q24, mean_g_q24);
     }
-    return square_q16 > LEAST_REST_Q16 && square_q16 < MOST_REST_Q16 &&
-           (mean_g_q18[2] < 0 || up_q16 * 100U < square_q16 * 81U);
+    return square_q16 > LEAST_REST_Q16 && square_q16 < MOST_REST_Q16 && mean_g_q24 < TILTED_Q24;
 }
 
-/* True when the acceleration contradicts the vertical: that of the last block at rest, or its vertical part,
- * averaged over seconds. */
-static bool contradicts(plumb_attitude_t *c, const plumb_attitude_params_t *p, bool rests) {
-    int32_t mean_g_q18[3];
-    for (unsigned i = 0; i < 3U; i++)
-        mean_g_q18[i] = mulhi_i32(c->force_before_q18[i], p->inverse_block_q32);
-    c->rise_g_q18 += mulhi_near((1 << 18) - mean_g_q18[2] - c->rise_g_q18, p->travel_pass_q32);
-    return c->rise_g_q18 > RISE_LIMIT_Q18 || (rests && tilted_at_rest(mean_g_q18));
+/* Propagates the covariance of the velocity for the first time; unless the vertical is lost. A body that
+ * rests starts the filter again; one that moves, or whose gyro alone has turned, keeps its attitude and its
+ * bias, of which nothing is known any more. */
+static void doubt(plumb_attitude_t *c, const plumb_attitude_params_t *p, int32_t square_q24,
+                  int32_t lasting_q24) {
+    const int32_t up_g_q18 = mulhi_i32(c->force_before_q18[2], p->inverse_block_q32);
+    const int32_t risen_g_q18 = mulhi_near((1 << 18) - up_g_q18 - c->rise_g_q18, p->travel_pass_q32);
+    const bool landed = c->carried_blocks == LANDED_BLOCKS;
+    c->rise_g_q18 = landed ? c->rise_g_q18 + risen_g_q18 : 0;
+    const bool held = held_still(c, p);
+    if (landed && (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U &&
+        (tilted_at_rest(c, p) ||
+         (c->still_blocks == LONG_RESTS * (uint32_t)p->rest_blocks && square_q24 > RESTING_SQUARE_Q24))) {
+        start(c, p);
+        c->block_flags |= PLUMB_ATTITUDE_FLAG_RESTARTED;
+    } else if (held || lost_in_motion(c, p, lasting_q24)) {
+        const uint32_t bias = min_u32((uint32_t)p->start_bias, VARIANCE_LIMIT_Q32 / 4U) * 4U;
+        forget(c, p, (int32_t)bias, asr32(p->start_tilt, 3));
+        if (held)
+            c->block_flags |= PLUMB_ATTITUDE_FLAG_REST;
+    } else {
+        plumb_error_filter_grow_velocity(&c->errors);
+    }
 }
 
-/* Judges the velocity of a block: how far it may be taken for zero, and whether the attitude is lost. Then
- * either restarts the filter, or propagates the covariance of the velocity for the first time.
+/* Judges the velocity of a block: how far it may be taken for zero, and whether the attitude is lost.
  *
  * The stated variance has three parts. 3/16 of the filter's own: the filter expects a body to be faster than
  * most are. On the ground 3/2 of the square of the tilt that was corrected in one direction within 10 s, at
@@ -145,13 +166,7 @@ SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     const bool accelerating = w->velocity_variance_g2s2_q26 > 4U * (uint32_t)p->speed_min;
     c->block_flags = (c->block_flags & ~(uint32_t)JUDGED) | (unsure ? PLUMB_ATTITUDE_FLAG_UNSURE : 0U) |
                      (accelerating ? PLUMB_ATTITUDE_FLAG_ACCELERATING : 0U);
-    const bool rests = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U;
-    if (contradicts(c, p, rests) || (rests && square_q24 > RESTING_SQUARE_Q24)) {
-        start(c, p);
-        c->block_flags |= PLUMB_ATTITUDE_FLAG_RESTARTED;
-    } else {
-        plumb_error_filter_grow_velocity(&c->errors);
-    }
+    doubt(c, p, square_q24, lasting_q24);
 }
 
 /* Computes one slice of the last block. Returns true when it has turned the attitude. */
@@ -210,6 +225,9 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     plumb_attitude_words_t *const w = &c->words;
     const int32_t dt = (int32_t)p->dt_s_q33;
     const int32_t gains[2] = {gained(c->force_sum_q18[0], dt), gained(c->force_sum_q18[1], dt)};
+    const bool aligning = c->aligned_blocks < ALIGNING_BLOCKS;
+    if (!aligning)
+        note_turn(c, p);
     bool moved = c->moved || c->airborne; /* a hovering vehicle may move as little as a resting one */
 
     for (unsigned i = 0; i < 3U; i++) {
@@ -218,12 +236,11 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
         c->force_before_q18[i] = c->force_sum_q18[i];
         c->half_mean_q32[i] = mulhi_i32(c->half_sum_q32[i], p->inverse_block_q32);
     }
-    const uint32_t still = c->still_blocks + 1U;
-    c->still_blocks = (uint8_t)(moved ? 0U : min_u32(still, (uint32_t)p->rest_blocks));
-    const bool rests = c->still_blocks == (uint32_t)p->rest_blocks;
+    c->still_blocks =
+        (uint16_t)(moved ? 0U : min_u32(c->still_blocks + 1U, LONG_RESTS * (uint32_t)p->rest_blocks));
+    const bool rests = c->still_blocks >= (uint32_t)p->rest_blocks;
     uint32_t flags = rests ? PLUMB_ATTITUDE_FLAG_REST : 0U;
 
-    const bool aligning = c->aligned_blocks < ALIGNING_BLOCKS;
     if (aligning) {
         /* the vertical is the mean of all samples so far; below 1/32 g s, as in a fall, nothing is turned */
         const int32_t x = saturated((int64_t)w->velocity_gs_q28[0] + gains[0]);
@@ -257,6 +274,8 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
         flags |= (lever < asr32(time_q32, 2) ? PLUMB_ATTITUDE_FLAG_FALLING : 0U) |
                  (c->airborne ? PLUMB_ATTITUDE_FLAG_AIRBORNE : 0U) | (c->block_flags & JUDGED);
         c->slice = SLICE_CORRECT;
+        if (rests)
+            c->aligned_blocks = RESTED;
     }
     c->block_flags = flags;
     w->block_step = 0;

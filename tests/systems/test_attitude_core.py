@@ -17,7 +17,7 @@ from plumb.spec import declarations
 from plumb.spec.records import Words
 from plumb.systems import run_fixed
 from plumb.systems.attitude import scenarios as attitude
-from plumb.systems.attitude.tuning import AttitudeTuning, Mounting, Rest
+from plumb.systems.attitude.tuning import AttitudeTuning, Motion, Mounting, Rest
 from plumb.tuning.quantise import ControlParams, quantise
 from support.wild_params import wild_attitude_params
 
@@ -29,6 +29,8 @@ FLAGS = {flag.name: 1 << bit for bit, flag in enumerate(declarations.system("att
 ALL_FLAGS = (1 << len(FLAGS)) - 1
 QUICK = replace(attitude.DEFAULT, rest=Rest(seconds=0.3))
 """Rest and restart come within the few seconds of these runs."""
+SURE = replace(QUICK, motion=Motion(start_tilt_deg=0.5))
+"""A start near the vertical: what contradicts it is not learned at once."""
 MISALIGNED = Mounting.of([[0.02, -0.98, 0.05], [1.01, 0.01, -0.03], [0.04, 0.02, 0.99]])
 TURNED = Mounting.of([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
 
@@ -57,9 +59,9 @@ def held(*parts: tuple[int, tuple[int, ...]]) -> Counts:
 @lru_cache(maxsize=1)
 def wild_runs() -> tuple[tuple[ControlParams, ...], Counts]:
     """Counts of any value, in some runs only the extremes, in some held for a while, in some small; in most of them
-    samples are missing."""
+    samples are missing. The last run rests, and then lies on its side."""
     rng = np.random.default_rng(64)
-    params = tuple(wild_attitude_params(rng) for _ in range(RUNS))
+    params = (*(wild_attitude_params(rng) for _ in range(RUNS - 1)), quantise(SURE))
     raw = rng.integers(-32768, 32768, (STEPS, 6, RUNS)).astype(np.int16)
     part = RUNS // 5
     raw[:, :, :part] = rng.choice(np.array([NONE, -32767, 0, 1, 32767], np.int16), (STEPS, 6, part))
@@ -68,6 +70,7 @@ def wild_runs() -> tuple[tuple[ControlParams, ...], Counts]:
     raw[:, :, 3 * part : 4 * part] //= 30
     missing = rng.random((STEPS, RUNS)) < rng.choice([0.0, 0.1, 0.8], RUNS)
     raw[:, 0] = np.where(missing, NONE, raw[:, 0])
+    raw[:, :, -1] = held((100, (0, 0, 0, 0, 0, ONE_G)), (STEPS - 100, (0, 0, 0, ONE_G, 0, 0)))
     return params, raw
 
 

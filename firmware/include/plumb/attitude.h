@@ -49,9 +49,10 @@ typedef struct {
     int32_t corrected_rad_q26[2]; /* sum of the tilt's corrections, forgotten with 10 s */
     int32_t travel_excess_q24;    /* square of it beyond what is expected, remembered, g^2 s^2 */
     int32_t rise_g_q18;           /* low-pass of 1 g less the vertical acceleration */
+    int32_t turning_rad_q26;      /* low-pass of the half angles of a block about x and y of the earth */
     uint32_t block_flags;         /* of the last block */
     uint8_t slice;                /* of the covariance that the next step computes; 0: none */
-    uint8_t still_blocks;
+    uint16_t still_blocks;
     uint8_t aligned_blocks;
     uint8_t gap_steps;           /* without a sample, up to now */
     uint8_t gyro_clipped_steps;  /* in a row, up to now */
@@ -60,6 +61,7 @@ typedef struct {
     bool airborne;          /* fewer than PLUMB_ATTITUDE_MAYBE_LANDED_BLOCKS are carried */
     uint8_t carried_blocks; /* in a row in which the ground seems to carry the vehicle, at most LANDED */
     uint8_t thrust_blocks;  /* in a row with the thrust of a hover, up to now */
+    uint8_t held_blocks;    /* in a row in which the gyro alone turned, up to now */
     uint8_t flown_blocks;   /* since the take-off, at most 255 */
     int32_t hover_q15;      /* thrust command of a hover, learned in flight; 0: unknown */
     int32_t weight_g_q18;   /* vertical acceleration on the ground: 1 g and the error of the sensor */

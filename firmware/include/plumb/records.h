@@ -153,7 +153,7 @@ typedef struct {
 #define PLUMB_ATTITUDE_FLAG_FALLING (1U << 5) /* the mean vertical acceleration of the last block was below half of g */
 #define PLUMB_ATTITUDE_FLAG_ACCELERATING (1U << 6) /* the last block trusted the accelerometer less: the body moves fast, or travels */
 #define PLUMB_ATTITUDE_FLAG_UNSURE (1U << 7) /* standard deviation of the tilt above its limit */
-#define PLUMB_ATTITUDE_FLAG_RESTARTED (1U << 8) /* at rest, or for seconds, the acceleration contradicted the vertical: the filter began again */
+#define PLUMB_ATTITUDE_FLAG_RESTARTED (1U << 8) /* at rest, never in flight, the acceleration contradicted the vertical: the filter began again */
 #define PLUMB_ATTITUDE_FLAG_AIRBORNE (1U << 9) /* the vehicle flies: the drag of its rotors measures the velocity */
 #define PLUMB_ATTITUDE_FLAGS_SATURATED (PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED | PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) /* raw counts outside their range */
 typedef struct {

@@ -27,7 +27,8 @@ from plumb.systems.attitude.fixed_gaps import (
     bridge,
     count_clipped,
 )
-from plumb.systems.attitude.fixed_slices import compute_slice, travel_square, travels
+from plumb.systems.attitude.fixed_shock import RESTED, note_turn, travels
+from plumb.systems.attitude.fixed_slices import LONG_RESTS, compute_slice, travel_square
 from plumb.systems.attitude.fixed_state import (
     ACCEL_CLIPPED,
     AIRBORNE,
@@ -169,15 +170,16 @@ def gained(c: ControlState, p: Params, i: int) -> Integer:
 
 
 def close_block(c: ControlState, p: Params) -> None:
+    aligning = c.aligned_blocks < ALIGN_BLOCKS
+    in_runs(c, p, aligning == 0, note_turn)
     for i in AXES:
         further = abs(wrap_i32(c.force_sum[i] - c.force_before[i])) > p["attitude.rest_accel"]
         c.moved = c.moved | further | (abs(c.half_sum[i]) > p["attitude.rest_turn"])
         c.half_mean[i] = mul(c.half_sum[i], p["attitude.inverse_block_q32"])
     c.force_before = list(c.force_sum)
     blocks = p["attitude.rest_blocks"]
-    c.still_blocks = select((c.moved | c.airborne) != 0, 0, clamp(c.still_blocks + 1, 0, blocks))
-    before, c.block_flags = c.block_flags, select(c.still_blocks == blocks, REST, 0)
-    aligning = c.aligned_blocks < ALIGN_BLOCKS
+    c.still_blocks = select((c.moved | c.airborne) != 0, 0, clamp(c.still_blocks + 1, 0, LONG_RESTS * blocks))
+    before, c.block_flags = c.block_flags, select(c.still_blocks >= blocks, REST, 0)
     in_runs(c, p, aligning, align_block)
     in_runs(c, p, aligning == 0, measure_block)
     c.block_flags = c.block_flags | select(aligning, 0, before & JUDGED)
@@ -219,6 +221,7 @@ def measure_block(c: ControlState, p: Params) -> None:
     c.velocity_growth = 16 * c.velocity_added
     c.block_flags = c.block_flags | select(lever < time >> 2, FALLING, 0) | c.airborne * AIRBORNE
     c.slice = 0 * time + 1
+    c.aligned_blocks = select(c.still_blocks >= p["attitude.rest_blocks"], RESTED, c.aligned_blocks)
 
 
 def measure_velocity(c: ControlState, p: Params) -> None:

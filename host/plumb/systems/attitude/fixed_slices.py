@@ -5,7 +5,7 @@ The functions have the names of docs/reference/arithmetic/attitude.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 from plumb.kernels.fixed.kernels import Params
@@ -26,11 +26,13 @@ from plumb.systems.attitude.fixed_covariance import (
     weigh,
     weighted,
 )
+from plumb.systems.attitude.fixed_shock import held_still, lost_in_motion, reopen, travels
 from plumb.systems.attitude.fixed_state import (
     ACCELERATING,
     BIAS,
     CELL,
     JUDGED,
+    LANDED_BLOCKS,
     REST,
     RESTARTED,
     SCALE,
@@ -45,11 +47,11 @@ from plumb.systems.attitude.fixed_state import (
 from plumb.systems.attitude.fixed_turns import turn_earth
 
 SPEED_MAX_Q26 = (1 << 31) - 1
-REST_SPEED_SQUARE_Q24, TRAVELS_Q24, HOLD_Q32, LASTING_MAX_Q24 = 104857600, 16777, 1288490189, 1 << 23
+REST_SPEED_SQUARE_Q24, HOLD_Q32, LASTING_MAX_Q24 = 104857600, 1288490189, 1 << 23
+LEAST_REST_Q16, MOST_REST_Q16, TILTED_Q24, LONG_RESTS = 62300, 68853, 15099494, 7
 CORRECTED_Q26 = 1 << 25
 BIAS_MAX_Q32, SCALE_MAX_Q32, TURN_MAX_Q28 = 1 << 30, 1 << 28, 1 << 26
 BIAS_UNIT_Q31 = 1367130551
-RISE_MAX_Q18 = 157286
 LAST_MOVING, LAST_RESTING = 8, 14
 
 
@@ -81,11 +83,11 @@ def correct(c: ControlState, p: Params) -> None:
         c.velocity[i] = sat32(c.velocity[i] + 2 * d[VELOCITY + i])
 
 
-def tilted_at_rest(mean: Sequence[Integer]) -> Integer:
-    """Whether an acceleration of 1 g (g Q18) lies well off the vertical."""
-    squares = [mul(one, one) for one in (wrap_i32(part << 6) for part in mean)]
-    total, up = wrap_u32(sum(squares)), squares[2]
-    return (total > 59146) & (total < 72253) & ((mean[2] < 0) | (100 * up < 81 * total))
+def tilted_at_rest(c: ControlState, p: Params) -> Integer:
+    """Whether an acceleration of 1 g lies well off the vertical."""
+    mean = [wrap_i32(mul(part, p["attitude.inverse_block_q32"]) << 6) for part in c.force_before]
+    total = wrap_u32(sum(mul(one, one) for one in mean))
+    return (total > LEAST_REST_Q16) & (total < MOST_REST_Q16) & (mean[2] < TILTED_Q24)
 
 
 def judge(c: ControlState, p: Params) -> None:
@@ -105,17 +107,23 @@ def judge(c: ControlState, p: Params) -> None:
     unsure = select(c.tilt_variance > p["attitude.unsure"], UNSURE, 0)
     accelerating = select(c.velocity_variance > 4 * least, ACCELERATING, 0)
     c.block_flags = (c.block_flags & ~JUDGED) | unsure | accelerating
-    mean = [mul(force, p["attitude.inverse_block_q32"]) for force in c.force_before]
-    c.rise = c.rise + near((1 << 18) - mean[2] - c.rise, p["attitude.travel_pass_q32"])
-    rests = (c.block_flags & REST) != 0
-    lost = (c.rise > RISE_MAX_Q18) | (rests & (tilted_at_rest(mean) | (square > REST_SPEED_SQUARE_Q24)))
-    in_runs(c, p, lost == 0, grow_velocity)
+    doubt(c, p, square)
+
+
+def doubt(c: ControlState, p: Params, square: Integer) -> None:
+    """The growth of the covariance begins; or a new start at rest; or the errors are unknown again."""
+    up = mul(c.force_before[2], p["attitude.inverse_block_q32"])
+    risen = c.rise + near((1 << 18) - up - c.rise, p["attitude.travel_pass_q32"])
+    landed = c.carried_blocks == LANDED_BLOCKS
+    c.rise = select(landed, risen, 0 * risen)
+    long = (c.still_blocks == LONG_RESTS * p["attitude.rest_blocks"]) & (square > REST_SPEED_SQUARE_Q24)
+    lost = landed & ((c.block_flags & REST) != 0) & (tilted_at_rest(c, p) | long)
+    held = held_still(c, p)
+    reopened = (lost == 0) & (held | lost_in_motion(c, p, travel_square(c)))
+    c.block_flags = c.block_flags | select(reopened & held, REST, 0)
+    in_runs(c, p, (lost | reopened) == 0, grow_velocity)
     in_runs(c, p, lost, restart)
-
-
-def travels(c: ControlState) -> Integer:
-    """Whether a lasting velocity is explained by travel."""
-    return c.travel_excess > TRAVELS_Q24
+    in_runs(c, p, reopened, reopen)
 
 
 def travel_square(c: ControlState) -> Integer:

@@ -71,6 +71,8 @@ class ControlState:
     corrected: list[Integer] = field(default_factory=zeros(2))
     travel_excess: Integer = 0
     rise: Integer = 0
+    turning: Integer = 0
+    held_blocks: Integer = 0
     rows_sum: list[Integer] = field(default_factory=zeros(6))
     turned_sum: list[Integer] = field(default_factory=zeros(6))
     force_sum: list[Integer] = field(default_factory=zeros(3))
@@ -104,9 +106,13 @@ KEPT = (
     "bridged_force", "gain", "row", "coupling", "half_lever", "tilt_growth", "velocity_growth", "force_before",
     "measured", "thrust", "airborne", "carried_blocks", "thrust_blocks", "flown_blocks", "hover", "weight", "climb",
     "half_mean", "half_sixth", "accel_sixth", "started", "gap",
-    "gyro_run", "accel_run", "gyro_slope", "accel_slope",
+    "gyro_run", "accel_run", "gyro_slope", "accel_slope", "turning",
 )  # fmt: skip
 """What a start leaves as it was."""
+FORGOTTEN = (
+    "velocity", "velocity_square", "covariance", "correction", "gain", "row", "coupling", "half_lever", "tilt_growth",
+    "velocity_growth", "held_blocks", "travel", "travel_excess", "rise", "corrected",
+)  # fmt: skip
 
 
 def clear(c: ControlState, names: Iterable[str], zero: Integer) -> None:
@@ -159,7 +165,15 @@ def control_init(p: Params) -> ControlState:
 def start(c: ControlState, p: Params) -> None:
     zero = 0 * p["attitude.block_steps"]
     clear(c, [name for name in NAMES if name not in KEPT], zero)
-    for i, name in enumerate(["bias"] * 3 + ["scale"] * 3 + ["tilt"] * 2 + ["speed"] * 2):
-        c.covariance[CELL[i][i]] = p[f"attitude.start_{name}"]
+    c.block_flags = zero + ALIGNING
+    forget(c, p, p["attitude.start_bias"], p["attitude.start_tilt"])
+
+
+def forget(c: ControlState, p: Params, bias: Integer, tilt: Integer) -> None:
+    """The variances of a start, of bias and tilt these; the velocity is 0."""
+    clear(c, FORGOTTEN, 0 * p["attitude.block_steps"])
+    scale, speed = p["attitude.start_scale"], p["attitude.start_speed"]
+    for i, variance in enumerate([bias] * 3 + [scale] * 3 + [tilt] * 2 + [speed] * 2):
+        c.covariance[CELL[i][i]] = variance
     c.tilt_variance = 2 * p["attitude.start_tilt"]
-    c.block_flags = zero + (ALIGNING | UNSURE)
+    c.block_flags = c.block_flags | UNSURE

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from plumb.kernels.reference.kernels import calibrate
 from plumb.spec.arrays import FloatArray
+from plumb.systems.attitude import reference_shock as shock
 from plumb.systems.attitude.quantise import BIAS_UNITS, DEG, G_MPS2, LEAST_STEPS, SCALE_UNITS, SPEED_UNITS
 from plumb.systems.attitude.reference_state import (
     CORRECTS,
@@ -39,11 +40,9 @@ SPEED_LIMIT_G2S2 = 32.0
 """Largest variance with which the velocity is measured to be zero."""
 REST_SPEED_GS = 2.5
 """A body at rest is not as fast."""
-RISE_G = 0.6
-"""No body falls with it for seconds."""
-REST_G, TILTED_COSINE = (0.95, 1.05), 0.9
-"""Acceleration of a body at rest; beyond 26 deg off the vertical it tells that the vertical is wrong."""
-TRAVELS_G2S2, TRAVEL_HOLD = 0.001, 0.3
+LONG_RESTS = 7
+"""A steady acceleration does not last for so many rests."""
+TRAVEL_HOLD = 0.3
 """A smaller excess is no travel; it is remembered for 1 / 0.3 of the time that shows it."""
 LONGEST_RUN = 255
 BRIDGED_RAD, BRIDGED_G, BRIDGED_SUM_G = 0.43, 1200.0, 2100.0
@@ -93,7 +92,7 @@ class Model:
         fresh.force_before, fresh.half_mean = x.force_before, x.half_mean
         fresh.gap, fresh.runs, fresh.slopes = x.gap, x.runs, x.slopes
         fresh.measured_gs, fresh.flight = x.measured_gs, x.flight
-        fresh.block_step = x.block_step
+        fresh.block_step, fresh.turning_rad = x.block_step, x.turning_rad
         return fresh
 
     def taken(self, counts: FloatArray, thrust: FloatArray) -> Samples:
@@ -220,8 +219,10 @@ class Model:
         x.mean_radps = 2.0 * sums.half / self.block_s
         moved = sums.moved or x.airborne or bool((np.abs(sums.force - x.force_before) > rest.accel_g * steps).any())
         moved = moved or bool((np.abs(x.mean_radps) > DEG * rest.turn_dps).any())
+        if x.aligned_blocks >= ALIGNING_BLOCKS:
+            shock.note_turn(x, self.tuning, steps)
         x.force_before, x.half_mean = sums.force, sums.half / steps
-        x.still_blocks = 0 if moved else min(x.still_blocks + 1, self.rest_blocks)
+        x.still_blocks = 0 if moved else min(x.still_blocks + 1, LONG_RESTS * self.rest_blocks)
         x.sums, x.block_step = Sums(), 0
         gained_gs = sums.force * self.period_s
         if x.aligned_blocks < ALIGNING_BLOCKS:
@@ -233,7 +234,7 @@ class Model:
         x.growth = self.growth.copy()
         x.growth[TILTS] = self.tilt_growth(x, sums)
         x.growth[VELOCITIES] = (VELOCITY_ADDED_G2S2 if jumped else sums.velocity_added_g2s2) / VELOCITY_UNIT_GS**2
-        x.left = CORRECTS
+        x.left, x.rested = CORRECTS, x.rested or x.still_blocks >= self.rest_blocks
 
     def advanced(self, x: Filter, samples: Samples, begin: int, end: int) -> tuple[Filter, FloatArray]:
         """The state after these steps of a block, and the attitude after each of them (n, 4)."""
@@ -317,7 +318,7 @@ class Model:
         errors = self.tuning.errors
         turned_rad2 = 4.0 * sums.square / self.period_s
         lasting_m2ps2 = G_MPS2**2 * float(x.travel_gs @ x.travel_gs) - self.tuning.motion.velocity_mps**2
-        stays = not x.airborne and x.travel_excess_g2s2 <= TRAVELS_G2S2
+        stays = not x.airborne and x.travel_excess_g2s2 <= shock.TRAVELS_G2S2
         doubt2 = errors.turn_doubt**2 * max(lasting_m2ps2, 0.0) if stays else 0.0
         blind = max(x.gap, x.runs[0]) >= self.steps
         growth = (DEG * errors.noise_dps) ** 2 * self.block_s + (errors.turn_noise**2 + doubt2) * turned_rad2
@@ -346,14 +347,20 @@ class Model:
         corrected = 0.0 if x.airborne else CORRECTED_GAIN * float(x.corrected_rad @ x.corrected_rad)
         x.tilt_rad2 = FILTER_SHARE * own + min(corrected, CORRECTED_MOST * own) + lasting**2
 
-        mean_g, resting, x.left = x.force_before / self.steps, x.still_blocks == self.rest_blocks, DONE
-        x.rise_g += self.block_s / self.tuning.motion.travel_s * (1.0 - float(mean_g[2]) - x.rise_g)
-        fast = float(np.linalg.norm(x.velocity_gs)) > REST_SPEED_GS
-        if x.rise_g > RISE_G or (resting and (tilted_at_rest(mean_g) or fast)):
+        resting, x.left = x.still_blocks >= self.rest_blocks, DONE
+        risen_g = 1.0 - float(x.force_before[2]) / self.steps - x.rise_g
+        x.rise_g = 0.0 if not x.flight.landed else x.rise_g + self.block_s / self.tuning.motion.travel_s * risen_g
+        long = x.still_blocks == LONG_RESTS * self.rest_blocks
+        fast = long and float(np.linalg.norm(x.velocity_gs)) > REST_SPEED_GS
+        held = x.rested and shock.held_still(x, self.rest_blocks, self.steps)
+        if x.flight.landed and resting and (fast or shock.tilted_at_rest(x.force_before / self.steps)):
             return self.restarted(x)
+        if held or shock.lost_in_motion(x, self.tuning, self.block_s):
+            shock.reopen(x, self.start_variance, self.growth)
+            resting = resting or held
         x.covariance = x.transition @ x.covariance @ x.transition.T
         growth = x.growth
-        if x.travel_excess_g2s2 > TRAVELS_G2S2:  # nothing tells a bias from travel
+        if x.travel_excess_g2s2 > shock.TRAVELS_G2S2:  # nothing tells a bias from travel
             growth[BIASES] = 0.0
         diagonal = np.diagonal(x.covariance)
         x.covariance = x.covariance + np.diag(
@@ -366,12 +373,6 @@ class Model:
             for axis in range(3):
                 measure(x, axis, float(x.mean_radps[axis]) * BIAS_UNITS, self.rest_variance, gated=True)
         return x
-
-
-def tilted_at_rest(mean_g: FloatArray) -> bool:
-    """Whether the mean acceleration of a block, (3,) in earth axes, is 1 g and lies well off the vertical."""
-    length = float(np.linalg.norm(mean_g))
-    return REST_G[0] < length < REST_G[1] and float(mean_g[2]) < TILTED_COSINE * length
 
 
 def measure(x: Filter, at: int, measured: float, variance: float, *, gated: bool = False) -> None:

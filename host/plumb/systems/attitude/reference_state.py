@@ -40,7 +40,9 @@ class Sums:
 @dataclass
 class Filter:
     """One run's state between two steps. correction: of the last measured block, applied after the end of the next;
-    transition, growth, mean_radps: of the last block; sums: of the block so far, block_step its steps."""
+    transition, growth, mean_radps: of the last block;
+    turning_rad: low-pass of the half angles of a block about horizontal axes; held_blocks: in which the gyro alone
+    turned; rested: since the start; sums: of the block so far, block_step its steps."""
 
     covariance: FloatArray
     attitude: FloatArray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
@@ -59,6 +61,9 @@ class Filter:
     travel_excess_g2s2: float = 0.0
     corrected_rad: FloatArray = field(default_factory=lambda: np.zeros(2))
     rise_g: float = 0.0
+    turning_rad: float = 0.0
+    held_blocks: int = 0
+    rested: bool = False
     measured_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
     flight: FlightOfBlocks = field(default_factory=FlightOfBlocks)
     gap: int = 0
