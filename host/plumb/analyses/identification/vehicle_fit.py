@@ -36,7 +36,7 @@ HOVERS_G = (0.8, 1.25)
 AIRBORNE_SHARE = 0.7
 """Share of the usual thrust above which a vehicle flies."""
 SLOW_RADPS = 1.0
-"""Rate of blocks that tell it: rotors that turn a vehicle give more thrust than their mean command."""
+"""Rate of roll and pitch of such a block: rotors that turn a vehicle give more thrust than their mean command."""
 EXPONENT, LEAST_SPREAD = 2.0 / 3.0, 0.03
 """k of a thrust that grows with the power 1.5 of its command, where log f spreads too little to fit it."""
 MOST_UNCERTAIN = 0.4
@@ -212,7 +212,7 @@ def _hover(flight: FlownVehicle, cut: Steps, size: int) -> Estimate:
     shape = (*cut.shape[:1], -1, size)
     felt = flight.force_g[cut][..., 2].reshape(shape).mean(axis=2)
     thrust = flight.thrust[cut].reshape(shape).mean(axis=2)
-    turning = np.abs(flight.rate_radps[cut]).max(axis=-1).reshape(shape).max(axis=2)
+    turning = np.abs(flight.rate_radps[cut][..., :2]).max(axis=-1).reshape(shape).max(axis=2)
     used = (felt > HOVERS_G[0]) & (felt < HOVERS_G[1]) & (thrust > 0.01) & (turning < SLOW_RADPS)
     telling = np.flatnonzero(used.any(axis=1))
     if len(telling) < LEAST_WINDOWS:
