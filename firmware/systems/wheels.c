@@ -5,6 +5,7 @@
 #include <string.h>
 
 #define STEPS_MOST    65535U
+#define CLOSED_TAKES  4U          /* open steps that a closed step of the rider's switch outweighs */
 #define TURN_MOST     (4L << 28)  /* turn/s Q28: what the wheels may show, and what is asked for at most */
 #define BIAS_MOST     (1L << 27)  /* turn/s Q28: with a calibrated rate of 7 within what the loop takes */
 #define ALPHA_MOST    (1L << 30)  /* Q31: half a disagreement in a step */
@@ -54,21 +55,28 @@ KERNEL bool listen(plumb_wheels_words_t *w, uint32_t lost_steps, int32_t receive
     return number != 0U && ((receiver & PLUMB_WHEELS_FAILSAFE) != 0 || w->age_steps >= lost_steps);
 }
 
-/* Whether somebody rides, and what happens when the rider has left. Switched off, the controllers are at
- * rest, so that no integral grows while a hand holds the vehicle. */
+/* Whether somebody rides, and what happens when the rider has left. A rider is there once the count of open
+ * steps is down to 0, and gone when it is full: a closed step takes CLOSED_TAKES off, so that a switch that
+ * is closed for less than a fifth of the time is no rider. Switched off, the controllers are at rest, so that
+ * no integral grows while a hand holds the vehicle. */
 KERNEL void decide(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool present, bool on) {
     const uint32_t before = w->phase;
-    w->absent_steps = present ? 0U : min_u32(w->absent_steps + 1U, STEPS_MOST);
+    const uint32_t absent = w->absent_steps;
+    w->absent_steps = !present                ? min_u32(absent + 1U, q->absent_steps)
+                      : absent > CLOSED_TAKES ? absent - CLOSED_TAKES
+                                              : 0U;
+    const bool rides = present && w->absent_steps == 0U;
     w->phase_steps = min_u32(w->phase_steps + 1U, STEPS_MOST);
     if (!on) {
         w->phase = PLUMB_WHEELS_STOPPED;
     } else if (before == PLUMB_WHEELS_STOPPED) {
-        if (present && abs_u32(w->tilt_turn_q32) <= q->up_turn_q32)
+        if (rides && abs_u32(w->tilt_turn_q32) <= q->up_turn_q32)
             w->phase = PLUMB_WHEELS_RIDDEN;
-    } else if (w->absent_steps < q->absent_steps) {
-        w->phase = PLUMB_WHEELS_RIDDEN;
     } else if (before == PLUMB_WHEELS_RIDDEN) {
-        w->phase = PLUMB_WHEELS_STOPPING;
+        if (w->absent_steps >= q->absent_steps)
+            w->phase = PLUMB_WHEELS_STOPPING;
+    } else if (rides) {
+        w->phase = PLUMB_WHEELS_RIDDEN;
     } else if (w->phase_steps > q->stopping_steps) {
         w->phase = PLUMB_WHEELS_STOPPED;
     }

@@ -37,15 +37,17 @@ ABSENT, STOPS = PARAMS["wheels.absent_steps"], PARAMS["wheels.stopping_steps"]
 
 
 def test_it_waits_for_its_rider_and_begins_anew_when_he_is_back() -> None:
-    rider = np.ones(ABSENT + STOPS + 60)
+    rider = np.ones(ABSENT + STOPS + 90)
     rider[:10] = rider[20 : ABSENT + STOPS + 30] = 0
     phase = run(len(rider), rider=rider)["phase"].tolist()
     left = 20 + ABSENT - 1
     stops = left + STOPS + 1
-    expected = [STOPPED] * 10 + [RIDDEN] * (left - 10) + [STOPPING] * (stops - left)
+    taken = 10 + 2  # two closed steps take ten open ones off all but two
+    expected = [STOPPED] * taken + [RIDDEN] * (left - taken) + [STOPPING] * (stops - left)
     assert phase[: len(expected)] == expected
-    assert phase[stops : ABSENT + STOPS + 30] == [STOPPED] * (ABSENT + STOPS + 30 - stops)
-    assert phase[ABSENT + STOPS + 30 :] == [RIDDEN] * 30
+    back = ABSENT + STOPS + 30 + ABSENT // fixed.CLOSED_TAKES - 1
+    assert phase[stops:back] == [STOPPED] * (back - stops)
+    assert set(phase[back:]) == {RIDDEN}
 
 
 def test_a_switch_that_opens_shortly_changes_nothing_and_a_rider_who_is_back_goes_on() -> None:
@@ -54,7 +56,22 @@ def test_a_switch_that_opens_shortly_changes_nothing_and_a_rider_who_is_back_goe
     assert set(run(len(rider), rider=rider)["phase"].tolist()) == {RIDDEN}
     rider[5 : 5 + ABSENT] = 0
     phase = run(len(rider), rider=rider)["phase"].tolist()
-    assert phase.count(STOPPING) == 1 and phase[-1] == RIDDEN
+    assert phase.count(STOPPING) == ABSENT // fixed.CLOSED_TAKES and phase[-1] == RIDDEN
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_switch_that_chatters_is_no_rider_and_a_rider_who_shakes_is_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    begins, steps, period = int(rng.integers(100, 200)), STOPS + 6 * ABSENT, 60
+    closed, at = int(rng.integers(1, 5)), int(rng.integers(0, period))
+    chatters = (np.arange(steps) + at) % period < closed
+    rider = np.where(np.arange(steps) < begins, 1, chatters)
+    phase = run(steps, rider=rider)["phase"]
+    assert phase[begins - 1] == RIDDEN and phase[-1] == STOPPED
+    gone = int(np.argmax(phase == STOPPING))
+    assert begins < gone <= begins + 2 * ABSENT and not (phase[gone:] == RIDDEN).any()
+    shakes = np.where(np.arange(steps) < begins, 1, ~chatters)
+    assert set(run(steps, rider=shakes)["phase"].tolist()) == {RIDDEN}
 
 
 def test_a_vehicle_that_lies_takes_no_rider() -> None:

@@ -268,7 +268,7 @@ typedef struct {
     int32_t sum_counts; /* counts of both encoders in this step; while a wheel slips, twice those of the other */
     uint32_t slip_steps; /* steps for which a wheel still counts as slipping */
     uint32_t phase_steps; /* steps in this phase */
-    uint32_t absent_steps; /* steps for which the rider's switch has been open */
+    uint32_t absent_steps; /* steps for which the rider's switch has been open, up to wheels.absent_steps; a closed step takes 4 off */
     uint32_t receiver_number; /* number of the receiver's newest frame; 0: no receiver is in use */
     uint32_t age_steps; /* steps since a new frame of the receiver */
     uint32_t stop_reason; /* why the motors are off: 32 it fell, 64 nobody rides; 0: they are on */

@@ -21,6 +21,8 @@ GYRO, ACCEL_X, ACCEL_Z, GYRO_UP, LEFT, RIGHT, RIDER = range(7)
 ROLL, PITCH, YAW, SWITCHES, RECEIVER = range(9, 14)
 MOTORS_ON = 1
 FULL_Q15, STEPS_MOST = 32767, 65535
+CLOSED_TAKES = 4
+"""Open steps that a closed step of the rider's switch outweighs."""
 BIAS_MOST = 1 << 27
 """turn/s Q28."""
 TURN_MOST = 4 << 28
@@ -78,13 +80,15 @@ def listen(c: ControlState, p: Params, receiver: Integer) -> Integer:
 def decide(c: ControlState, p: Params, present: Integer, on: Integer) -> None:
     """The phase of this step, from the tilt of the step before."""
     before = c.phase
-    c.absent = select(present, 0 * c.absent, clamp(c.absent + 1, 0, STEPS_MOST))
+    full = p["wheels.absent_steps"]
+    c.absent = select(present, clamp(c.absent - CLOSED_TAKES, 0, STEPS_MOST), clamp(c.absent + 1, 0, full))
     c.phase_steps = clamp(c.phase_steps + 1, 0, STEPS_MOST)
-    takes = present & (abs(c.tilt) <= p["wheels.up_turn_q32"])
-    stays = c.absent < p["wheels.absent_steps"]
+    rides = present & (c.absent == 0)
+    takes = rides & (abs(c.tilt) <= p["wheels.up_turn_q32"])
+    gone = c.absent >= full
     over = c.phase_steps > p["wheels.stopping_steps"]
-    left = select(before == RIDDEN, 0 * before + STOPPING, select(over, 0 * before + STOPPED, before))
-    driven = select(stays, 0 * before + RIDDEN, left)
+    left = select(rides, 0 * before + RIDDEN, select(over, 0 * before + STOPPED, before))
+    driven = select(before == RIDDEN, select(gone, 0 * before + STOPPING, before), left)
     ridden = select(before == STOPPED, select(takes, 0 * before + RIDDEN, before), driven)
     c.phase = select(on, ridden, 0 * before + STOPPED)
     c.phase_steps = select(c.phase == before, c.phase_steps, 0 * c.phase_steps)

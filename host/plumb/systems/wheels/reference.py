@@ -26,6 +26,8 @@ NAMES = (
 FULL = 2.0**15
 STOPPED, RIDDEN, STOPPING = range(3)
 BIAS_MOST_DPS = 180.0
+CLOSED_TAKES = 4
+"""Open steps that a closed step of the rider's switch outweighs."""
 KEPT_IN_SLIP = 31.0 / 32.0
 """Share of the integral that a step with a slipping wheel leaves."""
 
@@ -51,17 +53,20 @@ class Rider:
     def step(self, tuning: WheelsTuning, present: bool, tilt_deg: float, on: bool) -> int:
         """The phase of this step."""
         riding, before = tuning.riding, self.phase
-        self.absent = 0 if present else self.absent + 1
+        full = round(riding.absent_s / tuning.period_s)
+        self.absent = max(self.absent - CLOSED_TAKES, 0) if present else min(self.absent + 1, full)
+        rides = present and self.absent == 0
         self.phase_steps += 1
         if not on:
             self.phase = STOPPED
         elif before == STOPPED:
-            if present and abs(tilt_deg) <= riding.up_deg:
+            if rides and abs(tilt_deg) <= riding.up_deg:
                 self.phase = RIDDEN
-        elif self.absent < round(riding.absent_s / tuning.period_s):
-            self.phase = RIDDEN
         elif before == RIDDEN:
-            self.phase = STOPPING
+            if self.absent >= full:
+                self.phase = STOPPING
+        elif rides:
+            self.phase = RIDDEN
         elif self.phase_steps > round(riding.stopping_s / tuning.period_s):
             self.phase = STOPPED
         if self.phase != before:
