@@ -14,6 +14,7 @@ from plumb.analyses.comparison.table import compare
 from plumb.boards import native_core
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
+from plumb.systems import run_fixed
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.quantise import quantise
 from plumb.systems.attitude.tuning import Aid
@@ -58,6 +59,20 @@ def test_at_rest_a_step_of_the_bias_is_learned_within_seconds(step_dps: tuple[fl
     assert error[steps(AT_S + 8.0) :].max() < 0.3
     assert bias_dps(words) == pytest.approx(step_dps, abs=0.1)
     assert not flagged(words, "RESTARTED").any()
+
+
+@pytest.mark.parametrize("in_hand", [False, True], ids=["at rest", "in the hand"])
+def test_integers_and_core_take_a_step_to_the_same_bits(in_hand: bool) -> None:
+    """No golden vector has one: every word of both, while the variances open again."""
+    rate = np.vstack([still(6.0)[0], swing(24.0, 40.0, 2.0)]) if in_hand else still(30.0)[0]
+    raw, _ = felt(rate, np.zeros_like(rate))
+    raw[steps(AT_S) :, :3] += np.rint(np.array([6.0, -6.0, 6.0]) / UNIT_DPS).astype(np.int16)
+    tuning = replace(attitude.DEFAULT, period_us=5 * PERIOD_US)
+    params, raw = quantise(tuning), raw[::5]
+    core = native_core.run_control(params, raw, np.zeros(len(raw), np.int32))
+    assert flagged(core, "UNSURE")[steps(AT_S) // 5 :].any()
+    fixed = run_fixed.run_control(params, raw, np.zeros(len(raw), np.int32))
+    assert np.array_equal(fixed.digests(), core.digests())
 
 
 def test_a_step_about_the_vertical_is_a_turn_that_leaves_the_bias_alone() -> None:

@@ -99,6 +99,6 @@ def test_a_receiver_that_is_lost_in_the_air_is_held_then_stopped() -> None:
     first_held, first_stopped = phases.index(HELD), len(phases) - phases[::-1].index(HELD)
     assert phases[first_stopped] == STOPPED and phases[-1] == STOPPED
     held_s = (first_stopped - first_held) * flight.scenario.period_us * 1e-6
-    assert held_s == pytest.approx(0.5, abs=0.01)
+    assert held_s == pytest.approx(1.0, abs=0.01)
     assert flight.state("flags")[-1] & LOST and not flight.state("flags")[-1] & FLIES
     flight.replays()

@@ -108,8 +108,8 @@ COURSES = {
     "lost": replace(CALM, title="the receiver is lost for good", seconds=11.0, lost_s=(8.0, 99.0)),
     "heard-again": replace(CALM, title="the receiver is lost for 0.4 s", seconds=12.0, lost_s=(8.0, 8.4)),
     "lost-low": replace(
-        CALM, title="the receiver is lost just above the ground", seconds=13.0, lands=True, climb_m=1.0, land_at_s=6.5,
-        lost_s=(7.0, 99.0),
+        CALM, title="the receiver is lost just above the ground", seconds=12.0, lands=True, climb_m=0.5, land_at_s=6.0,
+        lost_s=(6.2, 99.0),
     ),
     "cut": replace(
         CALM, title="the throttle is cut, then the receiver lost", seconds=9.0, cut_s=8.0, lost_s=(8.02, 99.0)
