@@ -182,7 +182,7 @@ def test_a_hand_in_space_turns_the_short_way_and_right_over() -> None:
     [
         (["virtual-board", "--hand", "-"], "--hand holds the body of a system: name it with --system"),
         (["virtual-board", "--hand", "-", "--system", "quad", "--scenario", "hold"], "leave --scenario out"),
-        (["virtual-board", "--hand", "-", "--system", "turntable"], "turntable has no poses.py"),
+        (["virtual-board", "--hand", "-", "--system", "turntable"], "turntable: no poses are declared"),
         (["virtual-board", "--hand", "/no/folder/x", "--system", "quad"], "name a file that can be read and written"),
         (
             ["calibrate", "--board", "native", "--system", "quad", "--hand", "x"],

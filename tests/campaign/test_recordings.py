@@ -115,8 +115,8 @@ def test_the_folder_is_that_of_the_study_or_of_the_environment(folder: Path, mon
         ({"grade": "mpu"}, "there is no grade 'mpu'; there are recorded, "),
         ({"grade": "moving-start"}, "makes several runs of a recording: `plumb compare` has it"),
         ({"decimate": 2}, "decimate = 2: it is 1, 3, 6"),
-        ({"system": "balancer"}, "balancer has no replay.py: no recording can be made its inputs"),
-        ({"system": "quad", "grade": "bias"}, "quad has no compare.py"),
+        ({"system": "balancer"}, "balancer: no recording can be made its inputs"),
+        ({"system": "quad", "grade": "bias"}, "quad: "),
         ({"vary": {"tuning.gyro.min_counts": [1, 2]}}, "name the tuning, with tuning = 'NAME'"),
     ],
 )

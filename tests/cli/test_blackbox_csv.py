@@ -130,7 +130,7 @@ def test_what_cannot_be_written_so_is_one_sentence(
     refused(log, "run.html", "--format bbl-csv writes .csv files only")
     raw = np.full((30, 3), 2048, np.int16)
     one_axis = log_of_counts(tmp_path / "one.plog", params_of("quad"), raw)
-    refused(one_axis, "one.csv", "quad has no blackbox.py: a blackbox viewer has no columns for what it does")
+    refused(one_axis, "one.csv", "quad: a blackbox viewer has no columns for what it does")
     body = np.tile(np.array([0, 0, 0, 0, 0, 2048], np.int16), (40, 1))
     gap = log_of_counts(tmp_path / "gap.plog", params_of("attitude"), body, lost=[20])
     refused(gap, "gap.csv", "a blackbox CSV needs every step of the run from its beginning: the raw counts of step 20")

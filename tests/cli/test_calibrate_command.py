@@ -184,5 +184,5 @@ def test_wrong_use(arguments: list[str], said: str, answers: Path, capsys: pytes
 
 def test_a_system_without_poses_is_named() -> None:
     name = without_part("poses")
-    with pytest.raises(UsageError, match=rf"{name} has no poses\.py: no poses are declared"):
+    with pytest.raises(UsageError, match=rf"{name}: no poses are declared"):
         open_held("native", name, SEED)

@@ -50,6 +50,16 @@ def found(machine: Machine) -> tuple[list[int], str]:
         return session.read_parameters(), session.identity.parameter_source
 
 
+def test_a_clone_whose_lock_reads_0_while_it_is_locked_saves(image: Path) -> None:
+    machine = Machine(image)
+    machine.flash.hides_lock = True
+    machine.advance_us(BOOT_US)
+    for period_us in (3000, 4000):
+        save(machine, period_us)
+        assert found(machine)[0] == table(period_us)
+    assert machine.warnings == []
+
+
 @pytest.mark.parametrize("part", ["stm32f103c8", "stm32f103rct6", "stm32f103zet6"])
 def test_the_image_saves_on_every_part(image: Path, part: str) -> None:
     machine = Machine(image, part)

@@ -25,14 +25,25 @@ const uint16_t *board_store_slot(uint32_t slot) {
     return (const uint16_t *)slot_start(slot);
 }
 
-/* After a wrong key the controller stays locked until the next reset, and every operation fails. */
-static bool unlock(void) {
+static void write_keys(void) {
+    FLASH_KEYR = FLASH_KEYR_KEY_1;
+    FLASH_KEYR = FLASH_KEYR_KEY_2;
+}
+
+/* Unlocks the controller for erasing or programming: FLASH_CR_PER or FLASH_CR_PG. Keys that are written while
+ * it is unlocked lock it until the next reset, so they are written when LOCK says so; and, for clones whose
+ * LOCK reads 0 while they are locked, once after a write of CR that changed nothing. */
+static bool unlock(uint32_t mode) {
     if ((FLASH_CR & FLASH_CR_LOCK) != 0u) {
-        FLASH_KEYR = FLASH_KEYR_KEY_1;
-        FLASH_KEYR = FLASH_KEYR_KEY_2;
+        write_keys();
     }
     FLASH_SR = ERRORS | FLASH_SR_EOP; /* cleared by writing 1 */
-    return (FLASH_CR & FLASH_CR_LOCK) == 0u;
+    FLASH_CR = mode;
+    if ((FLASH_CR & mode) == 0u) {
+        write_keys();
+        FLASH_CR = mode;
+    }
+    return (FLASH_CR & (mode | FLASH_CR_LOCK)) == mode;
 }
 
 /* Waits for the end of the operation, then locks the controller. */
@@ -45,10 +56,9 @@ static bool finish(uint32_t polls) {
 
 static bool erase_page(uint32_t address) {
     watchdog_feed_longest();
-    if (!unlock()) {
+    if (!unlock(FLASH_CR_PER)) {
         return false;
     }
-    FLASH_CR = FLASH_CR_PER;
     FLASH_AR = address;
     FLASH_CR = FLASH_CR_PER | FLASH_CR_STRT;
     (void)FLASH_CR; /* BSY is valid one cycle after STRT at the earliest (PM0075 2.3.2) */
@@ -68,10 +78,9 @@ bool board_store_erase(uint32_t slot) {
 
 bool board_store_program(uint32_t slot, uint32_t halfword, uint16_t value) {
     watchdog_feed(); /* a whole slot takes longer than the watchdog's limit */
-    if (!unlock()) {
+    if (!unlock(FLASH_CR_PG)) {
         return false;
     }
-    FLASH_CR = FLASH_CR_PG;
     slot_start(slot)[halfword] = value;
     return finish(PROGRAM_POLLS);
 }

@@ -45,7 +45,7 @@ def main(arguments: argparse.Namespace) -> int:
         else:
             monitor.read_only(session)
         if vehicle is None:
-            print(f"plumb: {system} has no mavlink.py: no ATTITUDE and no RC_CHANNELS are sent", file=sys.stderr)
+            print(f"plumb: {system}: no ATTITUDE and no RC_CHANNELS are sent", file=sys.stderr)
         with endings() as caught:
             for snapshot in monitor.watch(session, arguments.seconds, None, stream.feed):
                 if caught:

@@ -53,6 +53,8 @@ def load(system: str, part: Part[P]) -> P:
     if known is not None and known[1] is part.contract:
         return cast(P, known[2])
     if not part.path(declared).is_file():
+        if declared.shipped and part.without:  # a user of the package cannot add the file
+            raise UsageError(f"{system}: {part.without}")
         reason = part.without or "every system has this file: CONTRIBUTING.md, 'Add a system', says what it offers"
         raise UsageError(f"{system} has no {part.name}.py: {reason}")
     module = importlib.import_module(f"plumb.{part.place}.{system}.{part.name}")

@@ -50,7 +50,8 @@ def torn(before: bytes, after: bytes, odds: float, chance: Random) -> bytes:
 class Flash(Peripheral):
     """operations: number begun since the machine was created. cut_power_in: power fails in the middle of an operation,
     0: of the next one, 1: of the one after it; None: of none. protected: numbers of write-protected pages. journal: a
-    list to which every operation is appended."""
+    list to which every operation is appended. hides_lock: LOCK reads 0 while the controller is locked, as some clones
+    have it."""
 
     NARROW = "refuse"
     REGISTERS = (
@@ -76,6 +77,7 @@ class Flash(Peripheral):
         self.cut_power_in: int | None = None
         self.protected: set[int] = set()
         self.journal: list[Operation] | None = None
+        self.hides_lock = False
         self._stuck: dict[int, tuple[int, int]] = {}
         self._operation: Operation | None = None
 
@@ -124,9 +126,13 @@ class Flash(Peripheral):
     def write_sr(self, value: int) -> None:
         self.sr &= ~(value & (PGERR | WRPRTERR | EOP))
 
+    def read_cr(self) -> int:
+        return self.cr & ~LOCK if self.hides_lock else self.cr
+
     def write_cr(self, value: int) -> None:
         if self.cr & LOCK:
-            self.machine.warn("FLASH_CR is written while locked")
+            if not self.hides_lock:  # a program cannot know
+                self.machine.warn("FLASH_CR is written while locked")
             return
         if self.busy:
             self.machine.warn("FLASH_CR is written while an operation is under way")
