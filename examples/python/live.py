@@ -22,6 +22,6 @@ print(f"{len(samples)} samples, {last.time_s - samples[0].time_s:.2f} s, armed: 
 print(", ".join(sorted(last.signals)))
 
 # Prints:
-#     quad, balancer, turntable, phone, attitude, quadrotor
+#     quad, balancer, turntable, phone, attitude
 #     100 samples, 0.49 s, armed: False, REALTIME
 #     bias_dps, command, pulse_0_us, pulse_1_us, rate_dps, tilt_deg, tilt_measured_deg

@@ -265,7 +265,7 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
             }
         for (unsigned i = 0; i < 2U; i++)
             w->velocity_gs_q28[i] = saturated((int64_t)w->velocity_gs_q28[i] + gains[i]);
-        if (p->aid_s_q24 != 0)
+        if (p->aid_s_q24 != 0 || c->vehicle)
             measure_velocity(c, p, gains, time_q32);
 
         c->errors.tilt_growth_q32 = tilt_growth(c, p);

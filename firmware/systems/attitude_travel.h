@@ -137,6 +137,8 @@ SELDOM void follow_flight(plumb_attitude_t *c, const plumb_attitude_params_t *p,
 static void measure_velocity(plumb_attitude_t *c, const plumb_attitude_params_t *p, const int32_t gained[2],
                              int32_t block_s_q32) {
     follow_flight(c, p, block_s_q32);
+    if (p->aid_s_q24 == 0)
+        return;
     const bool airborne = c->carried_blocks < MAYBE_LANDED_BLOCKS;
     if (airborne != c->airborne)
         c->travel_gs_q28[0] = c->travel_gs_q28[1] = 0;

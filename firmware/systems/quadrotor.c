@@ -39,6 +39,7 @@ KERNEL int32_t collective(const plumb_quadrotor_words_t *w, const plumb_quadroto
 SELDOM_CALLED void plumb_quadrotor_init(plumb_quadrotor_t *c, const plumb_params_t *p) {
     *c = (plumb_quadrotor_t){0};
     plumb_attitude_init(&c->attitude, p);
+    c->attitude.vehicle = true;
     take_attitude(&c->words, &c->attitude.words);
     take_flight(&c->words, &c->attitude);
     c->words.phase = PLUMB_QUADROTOR_STOPPED; /* until the rotors are seen switched off */
@@ -65,7 +66,7 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
     plumb_attitude_step(&c->attitude, p, raw, collective(w, q));
     take_attitude(w, &c->attitude.words);
     take_flight(w, &c->attitude);
-    const bool airborne = c->attitude.airborne; /* kept when the filter restarts, unlike its flag */
+    const bool airborne = w->carried_blocks < PLUMB_ATTITUDE_MAYBE_LANDED_BLOCKS;
     const bool landed = w->carried_blocks == PLUMB_ATTITUDE_LANDED_BLOCKS;
     uint32_t flags = taken_flags(c->attitude.words.flags) | (airborne ? PLUMB_QUADROTOR_FLAG_AIRBORNE : 0U) |
                      (landed ? PLUMB_QUADROTOR_FLAG_LANDED : 0U);

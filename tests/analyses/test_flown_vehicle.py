@@ -62,8 +62,8 @@ class Flights:
 
 
 def flights(scenario: str, frame: Airframe, tuning: QuadrotorTuning, runs: int, seconds: float, wind: float) -> Flights:
-    """Flights with an estimator that is told no drag and no hover."""
-    aid = replace(tuning.attitude.aid, drag_per_s=0.0, hover=0.0)
+    """Flights with an estimator that is told no drag; the thrust of a hover, because they begin in the air."""
+    aid = replace(tuning.attitude.aid, drag_per_s=0.0, hover=frame.hover_command)
     tuning = replace(tuning, period_us=PERIOD_US, attitude=replace(tuning.attitude, aid=aid))
     drawn = [scenarios.scenario(scenario, seed, seconds=seconds, period_us=PERIOD_US) for seed in range(runs)]
     drawn = [replace(one, course=replace(one.course, wind_mps=wind)) for one in drawn]

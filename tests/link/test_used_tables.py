@@ -107,7 +107,7 @@ def test_random_frames_never_make_a_table_that_the_board_did_not_announce() -> N
     rng = random.Random(13)
     pool = [STAGED, used(100), COMMITTED, *read(NEW), *read(DEFAULT), said("PARAM_STAGED", KP, 9), said("HELLO", 1, 0)]
     found = 0
-    for _ in range(300):
+    for _ in range(400):
         tables = fed([rng.choice(pool) for _ in range(40)] + read(rng.choice([NEW, DEFAULT])))
         for change in tables.changes:
             assert change.words is None or parameters.crc32(change.words) == change.crc32

@@ -14,6 +14,7 @@ from support.quadrotor_by_hand import (
     LANDED_BLOCKS,
     MAYBE_LANDED_BLOCKS,
     ON_GROUND,
+    TAKE_OFF_STEPS,
     WORDS,
     Quadrotor,
     flying,
@@ -234,6 +235,16 @@ def test_landed_is_evidence_that_lasts(felt_g: float) -> None:
     assert ("AIRBORNE" not in seen[MAYBE_LANDED_BLOCKS]) == on_ground
     assert not any("LANDED" in one for one in seen[: LANDED_BLOCKS - 1])
     assert ("LANDED" in seen[-1]) == on_ground
+
+
+def test_vehicle_without_an_aid_flies_and_lands() -> None:
+    """Nobody has told its drag yet: the estimator has no velocity, and take-off and landing are known all the same."""
+    vehicle = quadrotor()
+    vehicle.words = {**vehicle.words, "attitude.aid_s_q24": 0}
+    assert "AIRBORNE" in flags(vehicle.step(TAKE_OFF_STEPS))
+    vehicle.throttle = 0
+    assert not {"AIRBORNE", "LANDED"} & flags(vehicle.step((MAYBE_LANDED_BLOCKS + 2) * BLOCK_STEPS))
+    assert "LANDED" in flags(vehicle.step((LANDED_BLOCKS + 8) * BLOCK_STEPS))
 
 
 def test_throttle_of_a_hover_is_no_landing() -> None:

@@ -58,7 +58,8 @@ typedef struct {
     uint8_t gyro_clipped_steps;  /* in a row, up to now */
     uint8_t accel_clipped_steps; /* in a row, up to now */
     bool moved, started;
-    bool airborne;          /* fewer than PLUMB_ATTITUDE_MAYBE_LANDED_BLOCKS are carried */
+    bool vehicle;           /* the caller's: take-off and landing are followed also without an aid */
+    bool airborne;          /* with an aid: fewer than PLUMB_ATTITUDE_MAYBE_LANDED_BLOCKS are carried */
     uint8_t carried_blocks; /* in a row in which the ground seems to carry the vehicle, at most LANDED */
     uint8_t thrust_blocks;  /* in a row with the thrust of a hover, up to now */
     uint8_t held_blocks;    /* in a row in which the gyro alone turned, up to now */

@@ -209,7 +209,7 @@ def measure_block(c: ControlState, p: Params) -> None:
             c.coupling[6 * i + 3 + j] = -(c.turned_sum[3 * i + j] >> 1)
     for i in HORIZONTAL:
         c.velocity[i] = sat32(c.velocity[i] + gained(c, p, i))
-    in_runs(c, p, p["attitude.aid_s_q24"] != 0, measure_velocity)
+    in_runs(c, p, (p["attitude.aid_s_q24"] != 0) | (c.vehicle != 0), measure_velocity)
     lasting = clamp(travel_square(c) - (p["attitude.speed_min"] >> 2), 0, TRAVEL_SQUARE_MAX_Q24)
     doubt = select(travels(c) | (c.airborne == 1), 0, (lasting * p["attitude.doubt_q24"]) >> 16)
     by_turn = clamp(p["attitude.q_turn_q24"] + doubt, 0, BY_TURN_MAX_Q32)
@@ -228,7 +228,7 @@ def measure_velocity(c: ControlState, p: Params) -> None:
     """The velocity that the block is measured to end with: zero, or in flight that of the drag."""
     inverse, before = p["attitude.inverse_block_q32"], c.airborne == 1
     follow_flight(c, p)
-    airborne = c.carried_blocks < MAYBE_LANDED_BLOCKS
+    airborne = (p["attitude.aid_s_q24"] != 0) & (c.carried_blocks < MAYBE_LANDED_BLOCKS)
     jumps, doubtful = airborne != before, airborne & (c.carried_blocks != 0)
     c.velocity_added = select(jumps | doubtful, VELOCITY_ADDED_MAX_Q26, c.velocity_added)
     c.airborne = select(airborne, 1, 0 * c.gap)

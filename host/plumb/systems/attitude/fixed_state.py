@@ -61,6 +61,7 @@ class ControlState:
     measured: list[Integer] = field(default_factory=zeros(2))
     thrust: Integer = 0
     airborne: Integer = 0
+    vehicle: Integer = 0
     carried_blocks: Integer = 0
     thrust_blocks: Integer = 0
     flown_blocks: Integer = 0
@@ -104,8 +105,8 @@ SUMS = (
 KEPT = (
     "rate", "accel", "attitude", "up", "velocity_variance", "block_step", "missing_steps", "step", "half", "flags",
     "bridged_force", "gain", "row", "coupling", "half_lever", "tilt_growth", "velocity_growth", "force_before",
-    "measured", "thrust", "airborne", "carried_blocks", "thrust_blocks", "flown_blocks", "hover", "weight", "climb",
-    "half_mean", "half_sixth", "accel_sixth", "started", "gap",
+    "measured", "thrust", "airborne", "vehicle", "carried_blocks", "thrust_blocks", "flown_blocks", "hover", "weight",
+    "climb", "half_mean", "half_sixth", "accel_sixth", "started", "gap",
     "gyro_run", "accel_run", "gyro_slope", "accel_slope", "turning",
 )  # fmt: skip
 """What a start leaves as it was."""

@@ -60,7 +60,9 @@ BIASES, SCALES, TILTS, VELOCITIES = slice(0, 3), slice(3, 6), slice(6, 8), slice
 class Model:
     """The filter of one tuning."""
 
-    def __init__(self, tuning: AttitudeTuning) -> None:
+    def __init__(self, tuning: AttitudeTuning, *, vehicle: bool = False) -> None:
+        """vehicle: take-off and landing are followed also without an aid."""
+        self.vehicle, self.aided = vehicle, tuning.aid.drag_per_s > 0.0
         self.tuning, self.period_s = tuning, tuning.period_s
         self.steps = max(round(tuning.block_s / self.period_s), LEAST_STEPS)
         self.block_s = self.steps * self.period_s
@@ -81,7 +83,7 @@ class Model:
     def begun(self) -> Filter:
         """The state before the first sample."""
         x = Filter(np.diag(self.start_variance), tilt_rad2=2.0 * float(self.start_variance[6]))
-        x.flight.hover = self.tuning.aid.hover
+        x.flight.hover, x.aided = self.tuning.aid.hover, self.aided
         return x
 
     def restarted(self, x: Filter) -> Filter:
@@ -303,9 +305,10 @@ class Model:
         """
         aid, before = self.tuning.aid, x.airborne
         x.measured_gs, mean_g = np.zeros(2), gained_gs / self.block_s
-        if aid.drag_per_s == 0.0:
+        if self.aided or self.vehicle:
+            x.flight.follow(mean_g, sums.thrust, self.block_s)
+        if not self.aided:
             return False
-        x.flight.follow(mean_g, sums.thrust, self.block_s)
         if x.airborne:
             across_g = mean_g[:2] - sums.thrust_force / self.steps
             x.measured_gs = np.clip(-across_g / aid.drag_per_s + gained_gs[:2] / 2.0, -VELOCITY_GS, VELOCITY_GS)

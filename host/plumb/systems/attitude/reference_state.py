@@ -66,6 +66,7 @@ class Filter:
     rested: bool = False
     measured_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
     flight: FlightOfBlocks = field(default_factory=FlightOfBlocks)
+    aided: bool = False
     gap: int = 0
     runs: list[int] = field(default_factory=lambda: [0, 0])
     slopes: list[float] = field(default_factory=lambda: [0.0, 0.0])
@@ -82,7 +83,7 @@ class Filter:
 
     @property
     def airborne(self) -> bool:
-        return self.flight.airborne
+        return self.aided and self.flight.airborne
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from plumb.systems.attitude import fixed_state
 from plumb.systems.quadrotor.fixed_flight import (
     HELD,
     LANDING,
+    MAYBE_LANDED_BLOCKS,
     STOPPED,
     TOUCHED_BLOCKS,
     WATCHED_BLOCKS,
@@ -60,6 +61,7 @@ def control_init(p: Params) -> ControlState:
     loops = [RateLoopState(zero, zero, zero, zero) for _ in AXES]
     flight = FlightState(zero + STOPPED, *[zero] * (len(fields(FlightState)) - 1))
     estimator = attitude.control_init(p)
+    estimator.vehicle = zero + 1
     flight.hover, flight.carried_blocks = estimator.hover, estimator.carried_blocks
     return ControlState(estimator, flight, loops, zero, zero != 0, zero)
 
@@ -71,7 +73,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     attitude.control_step(a, p, raw[:6], c.collective)
     seen_flags = a.flags | a.block_flags
     unsure = (seen_flags & fixed_state.UNSURE) != 0
-    airborne, landed = a.airborne == 1, a.carried_blocks == fixed_state.LANDED_BLOCKS
+    airborne, landed = a.carried_blocks < MAYBE_LANDED_BLOCKS, a.carried_blocks == fixed_state.LANDED_BLOCKS
     f.hover, f.climb, f.carried_blocks = a.hover, a.climb, a.carried_blocks
     *sticks, switches, receiver = raw[6:11]
     seen = Seen(

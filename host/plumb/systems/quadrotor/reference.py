@@ -49,7 +49,7 @@ class Sensing:
     @classmethod
     def of(cls, tuning: QuadrotorTuning, counts: FloatArray) -> Sensing:
         own = replace(tuning.attitude, period_us=tuning.period_us, exact_period_s=tuning.exact_period_s)
-        model = Model(own)
+        model = Model(own, vehicle=True)
         return cls(model, model.taken(counts, np.zeros(len(counts))), model.begun())
 
     def step(self, step: int, collective: float) -> Seen:
