@@ -12,7 +12,7 @@ from plumb.proof.faults.host import COMMAND, disarms
 from plumb.proof.faults.outputs import PROGRAM
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import Scene
-from plumb.spec import parameters
+from plumb.spec import images, parameters
 
 ESC = frozenset({"esc"})
 LONGEST_HALFUS = 16383
@@ -31,8 +31,10 @@ def unchecked(scene: Scene) -> None:
 
 
 def set_parameter(scene: Scene, name: str, value: int) -> None:
-    """Write a word of the parameters in use, in RAM."""
-    index = next(index for index, row in enumerate(parameters.table()) if row.name == name)
+    """Write a word of the parameters in use, in RAM, where the image holds those of its own systems alone."""
+    held = images.held_groups(scene.session.require_match().systems)
+    rows = [row.name for row in parameters.table() if not row.group or row.group in held]
+    index = rows.index(name)
     core.poke(scene, scene.symbol("params").address + 4 * index, value)
 
 
