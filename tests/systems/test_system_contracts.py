@@ -20,6 +20,7 @@ from plumb.cli.demo import DEMO
 from plumb.errors import UsageError
 from plumb.inputs.replay import REPLAY
 from plumb.proof.figures import FIGURES
+from plumb.proof.invariants import INVARIANTS
 from plumb.proof.runs import PLOTS
 from plumb.spec import system_parts
 from plumb.spec.system_parts import Part
@@ -44,9 +45,10 @@ from support.declared_systems import without_part
 
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy"
 PARTS: list[Part[object]] = [
-    SCENARIOS, FIXED, REFERENCE, QUANTISER, PLOTS, PINS, FIGURES, REPLAY, COMPARE, FLIGHT, DEMO,
+    SCENARIOS, FIXED, REFERENCE, QUANTISER, PLOTS, PINS, FIGURES, INVARIANTS, REPLAY, COMPARE, FLIGHT,
+    DEMO,
 ]  # fmt: skip
-OPTIONAL = {"pins", "figures", "replay", "compare", "flight", "demo"}
+OPTIONAL = {"pins", "figures", "invariants", "replay", "compare", "flight", "demo"}
 
 
 def plants_and_couplings() -> tuple[list[Scenario], list[Plant], list[type[Coupling]]]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,10 +23,12 @@ from plumb.boards.contract import Answer
 from plumb.campaign import recorded
 from plumb.campaign.recorded import RecordedRequest
 from plumb.campaign.study import Study
+from plumb.campaign.violated import Violated, judged, violated_by
 from plumb.errors import PlumbError, UsageError
 from plumb.physics import disturbance
 from plumb.physics.sensors import Push
 from plumb.proof import runs, scenario_run
+from plumb.proof.invariants import Violation
 from plumb.proof.run_identity import image_of
 from plumb.proof.runs import PLOTS, Run, RunInputs
 from plumb.proof.scenario_run import Drawn, RunRequest
@@ -50,7 +52,7 @@ class Batch:
 
     digest: CRC-32 over the records of all steps, None for a run that failed. error: why a run failed, None for one that
     did not. values: of the factors, by name. metrics: by name, None where a run has no such figure. identity: of the
-    part that ran them.
+    part that ran them. violations: of the invariants, in no order of runs: most have none.
     """
 
     identity: dict[str, object]
@@ -61,6 +63,7 @@ class Batch:
     error: list[str | None] = field(default_factory=list)
     values: dict[str, list[Any]] = field(default_factory=dict)  # Any: columns of several types
     metrics: dict[str, list[float | None]] = field(default_factory=dict)
+    violations: list[Violated] = field(default_factory=list)
 
     def add(
         self,
@@ -80,6 +83,14 @@ class Batch:
             self.values.setdefault(name, [None] * before).append(list(value) if isinstance(value, tuple) else value)
         for name in [*self.metrics, *(name for name in metrics if name not in self.metrics)]:
             self.metrics.setdefault(name, [None] * before).append(metrics.get(name))
+
+
+class Attempt(NamedTuple):
+    """A run that was made, or why it failed; and the first violation of each invariant, if the study has them."""
+
+    run: Run | None
+    error: str | None
+    violations: tuple[Violation, ...] = ()
 
 
 _NO_DIGESTS = np.zeros(0, np.uint32)
@@ -134,25 +145,31 @@ def layout(study: Study) -> tuple[int, int]:
 def run_batch(study: Study, indices: range) -> Batch:
     """Run these runs; one that fails is noted with its reason, and the others go on."""
     found = Batch(identity(study))
-    done = [(index, *_attempt(study, index)) for index in indices] if study.reference or study.confirm else None
-    if done is None:
+    if not (study.reference or study.confirm):
         for index in indices:
-            run, error = _attempt(study, index)
-            found.add(study, index, run, error, _metrics(run, study))
+            _note(found, study, index, _attempt(study, index))
         return found
-    finished = [run for _, run, _ in done if run is not None]
+    attempts = [_attempt(study, index) for index in indices]
+    finished = [one.run for one in attempts if one.run is not None]
     if study.reference:
         finished = _with_reference(finished)
     mismatches = _confirmed(study, finished) if study.confirm else [None] * len(finished)
     completed = iter(zip(finished, mismatches, strict=True))
-    for index, run, error in done:
-        if run is None:
-            found.add(study, index, None, error, {})
+    for index, attempt in zip(indices, attempts, strict=True):
+        if attempt.run is None:
+            _note(found, study, index, attempt)
             continue
         run, differ = next(completed)
-        more = {} if differ is None else {"confirmed_mismatches": differ}
-        found.add(study, index, run, None, {**_metrics(run, study), **more})
+        _note(found, study, index, attempt._replace(run=run), differ)
     return found
+
+
+def _note(found: Batch, study: Study, index: int, attempt: Attempt, differ: int | None = None) -> None:
+    """Add a run to its batch. differ: steps that the board which confirms gives otherwise; None: none was asked."""
+    more = {} if differ is None else {"confirmed_mismatches": differ}
+    found.add(study, index, attempt.run, attempt.error, {**_metrics(attempt.run, study), **more})
+    if attempt.violations:
+        found.violations += violated_by(study, index, attempt.violations, found.violations, run_one)
 
 
 def digest_of(words: Words) -> int:
@@ -203,14 +220,15 @@ def _compiled(request: RunRequest, drawn: Drawn) -> bool:
     return not any(isinstance(fault, Push) for fault in asked)
 
 
-def _attempt(study: Study, index: int) -> tuple[Run | None, str | None]:
+def _attempt(study: Study, index: int) -> Attempt:
     try:
         replay = study.replay(index)
-        return run_one(study.request(index)) if replay is None else run_recorded(replay), None
+        run = run_one(study.request(index)) if replay is None else run_recorded(replay)
+        return Attempt(run, None, judged(run) if study.invariants else ())
     except PlumbError as error:
-        return None, str(error)
+        return Attempt(None, str(error))
     except Exception as error:  # a defect in one run out of thousands must not take the others with it
-        return None, f"{type(error).__name__}: {error}"
+        return Attempt(None, f"{type(error).__name__}: {error}")
 
 
 def _metrics(run: Run | None, study: Study) -> dict[str, Any]:  # Any: columns of several types

@@ -1,4 +1,5 @@
-"""report.html of a campaign: figures with intervals, distributions, worst seeds, what moves a figure, failed runs."""
+"""report.html of a campaign: figures with intervals, distributions, worst seeds, what moves a figure, failed runs,
+invariants and their violations."""
 
 from __future__ import annotations
 
@@ -6,10 +7,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from plumb import systems
+from plumb.campaign import violated
 from plumb.campaign.against import Difference
 from plumb.campaign.results import CONFIRMED, Results
 from plumb.campaign.statistics import Effect, Figure, Point, worst
 from plumb.campaign.study import Study
+from plumb.proof.invariants import INVARIANTS
 from plumb.proof.report import ESTIMATE, Plot, Statement, Table, page
 from plumb.proof.run_identity import rows
 from plumb.proof.xy_plot import Axis, Curve, XyPlot
@@ -35,7 +39,8 @@ def text(
     done = len(results) - len(results.failed)
     statements = [Statement("runs", f"{done} of {len(results)} were run to their end", done == len(results))]
     statements += said
-    parts: list[Plot | XyPlot | Table] = [figure_table(figures)]
+    parts: list[Plot | XyPlot | Table] = invariant_tables(study, results) if study.invariants else []
+    parts += [figure_table(figures)]
     parts += [difference_table(differences)] if differences else []
     parts += [point_table(points, list(study.limits) or list(figures)[:POINT_FIGURES])] if points else []
     parts += [distribution(name, results.metrics[name]) for name in figures if _spread(results.metrics[name])]
@@ -49,6 +54,41 @@ def text(
         "of the mean over all seeds (bootstrap); single runs spread wider, as the quantiles show."
     )
     return page(f"Campaign of {study.system}", "", lead, parts, statements)
+
+
+def declared(study: Study) -> Mapping[str, str]:
+    """The invariants by which the runs of a study are judged: name -> one sentence."""
+    return systems.load(study.system, INVARIANTS).INVARIANTS
+
+
+def invariants(study: Study, results: Results) -> Statement:
+    """Whether every invariant holds in every run that came to its end."""
+    found, done = results.violations, len(results) - len(results.failed)
+    text = f"{len(found)} violations in {done} runs, judged by {len(declared(study))} invariants"
+    return Statement("invariants", text, not found)
+
+
+def invariant_tables(study: Study, results: Results) -> list[Plot | XyPlot | Table]:
+    """What has to hold, and where it does not."""
+    found, says = results.violations, declared(study)
+    counts = violated.counts(says, found)
+    rows_of = [[name, says.get(name, ""), str(count)] for name, count in counts.items()]
+    bad = frozenset(row for row, count in enumerate(counts.values()) if count)
+    head = ["invariant", "what holds", "runs that violate it"]
+    tables: list[Plot | XyPlot | Table] = [Table("Invariants", head, rows_of, bad_rows=bad)]
+    if found:
+        lines = [
+            [one.invariant, str(one.seed), f"{one.time_s:.6g}", f"{one.value:.4g}", f"{one.limit:.4g}", one.command]
+            for one in found[:NAMED]
+        ]
+        note = (
+            "Time and value are those of the run that the command repeats: the smallest one found with the violation."
+        )
+        note += f" {len(found)} in all." if len(found) > NAMED else ""
+        tables.append(
+            Table("Violations", ["invariant", "seed", "time (s)", "value", "limit", "repeats it"], lines, note)
+        )
+    return tables
 
 
 def figure_table(figures: Mapping[str, Figure]) -> Table:

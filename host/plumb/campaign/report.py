@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from plumb.campaign import against, page, results, statistics
+from plumb.campaign import against, page, results, statistics, violated
 from plumb.campaign.against import Difference
 from plumb.campaign.factors import GRID
 from plumb.campaign.results import CONFIRMED, Results
@@ -59,6 +59,7 @@ class Report:
             "metrics": statistics.to_json(self.figures),
             "worst": {name: self.study.command(one.worst_index) for name, one in self.figures.items()},
             "failed": failed,
+            **self._violations_json(),
             **({"differing": differing} if CONFIRMED in self.results.metrics else {}),
             "effects": [
                 {"factor": one.factor, "metric": one.metric, "share": one.share, "levels": one.levels}
@@ -67,6 +68,17 @@ class Report:
             **({"points": [one.to_json() for one in self.points]} if self.points else {}),
             **({"limits": [one.to_json() for one in self.shares]} if self.shares else {}),
             **({"against": [one.to_json() for one in self.differences]} if self.differences else {}),
+        }
+
+    def _violations_json(self) -> dict[str, Any]:  # Any: JSON
+        """How many, of which invariants, and each one; {} for a study whose runs are not judged."""
+        if not self.study.invariants:
+            return {}
+        found = self.results.violations
+        return {
+            "violations": len(found),
+            "invariants": violated.counts(page.declared(self.study), found),
+            "violated": [one.to_json() for one in found],
         }
 
     def text(self) -> str:
@@ -88,7 +100,18 @@ class Report:
             lines.append(f"failed: {self.results.error[place]} ({command})")
         if len(self.results.failed) > SHOWN:
             lines.append(f"failed: {len(self.results.failed)} in all")
-        return "\n".join([*lines, *self._confirmed_lines()])
+        return "\n".join([*lines, *self._violation_lines(), *self._confirmed_lines()])
+
+    def _violation_lines(self) -> list[str]:
+        """Whether the invariants hold, and for each that does not one run; []: the runs are not judged."""
+        if not self.study.invariants:
+            return []
+        found = self.results.violations
+        counts = violated.counts(page.declared(self.study), found)
+        lines = [str(page.invariants(self.study, self.results))]
+        for one in violated.shown(found):
+            lines.append(f"violated by {counts[one.invariant]} of {len(self.results)} runs: {one} ({one.command})")
+        return lines
 
     def _confirmed_lines(self) -> list[str]:
         """What the board that confirms has said; []: none was asked."""
@@ -123,6 +146,7 @@ class Report:
         about = {"identity": self.identity, "study": self.study.to_json(), "study_sha256": self.study.sha256()}
         summary = {**self.to_json(), **about}
         said = [page.confirmed(self.study, self.results)] if CONFIRMED in self.results.metrics else []
+        said += [page.invariants(self.study, self.results)] if self.study.invariants else []
         said += [Statement("limit", str(one), None) for one in self.shares]
         html = page.text(
             self.study, self.results, self.figures, self.effects, self.points, self.differences, said, self.identity

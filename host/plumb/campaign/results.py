@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from plumb.campaign.batch import Batch
+from plumb.campaign.violated import Violated
 from plumb.errors import UsageError
 from plumb.extras import required
 from plumb.spec.arrays import FloatArray
@@ -26,7 +27,7 @@ CONFIRMED = "confirmed_mismatches"
 
 class Results:
     """Runs of a campaign in the order of their indices. metrics: (runs,) each, NaN where a run has no such figure.
-    values: of the factors, a list entry a run."""
+    values: of the factors, a list entry a run. violations: of the invariants, in the order of the runs."""
 
     def __init__(self, batches: Iterable[Batch]) -> None:
         ordered = sorted(batches, key=lambda batch: batch.index[0] if batch.index else 0)
@@ -35,6 +36,7 @@ class Results:
         self.steps = np.array([one for batch in ordered for one in batch.steps], np.int64)
         self.digest = [one for batch in ordered for one in batch.digest]
         self.error = [one for batch in ordered for one in batch.error]
+        self.violations = [one for batch in ordered for one in batch.violations]
         self.values: dict[str, list[Any]] = _joined(  # Any: by column
             ordered, [batch.values for batch in ordered]
         )
@@ -110,9 +112,10 @@ def batch_bytes(batch: Batch) -> bytes:
 def read_batch(path: Path) -> Batch | None:
     """A batch from its file; None for a file that is not whole."""
     try:
-        batch = Batch(**json.loads(path.read_bytes()))
+        kept = json.loads(path.read_bytes())
+        batch = Batch(**{**kept, "violations": [Violated(**one) for one in kept["violations"]]})
         return batch if _is_whole(batch) else None
-    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
 
 
@@ -129,6 +132,7 @@ def _is_whole(batch: Batch) -> bool:
         isinstance(batch.identity, dict)
         and all(isinstance(one, kind) for column, kind in own for one in column)
         and all(metrics)
+        and all(one.is_whole() and one.index in batch.index for one in batch.violations)
         and all(isinstance(column, list) and len(column) == len(batch.index) for column in columns)
     )
 

@@ -5,6 +5,7 @@
     first_seed = 1000
     seconds = 60
     open_loop = true
+    invariants = true               # judge every run by the invariants of the system (scenario "random")
     draw = "latin-hypercube"        # or "grid", "random"
     [conditions]
     bandwidth_hz = 50
@@ -33,13 +34,13 @@ from plumb import systems
 from plumb.campaign import recorded
 from plumb.campaign.factors import DRAWS, GRID, Factor, Value, factor_of, is_number, points_of, values_of
 from plumb.campaign.recorded import RecordedRequest
+from plumb.campaign.settings import tuning_with
 from plumb.errors import UsageError
 from plumb.files.input_files import check_regular
 from plumb.link.endpoint_names import parse_board
 from plumb.near_names import did_you_mean
-from plumb.proof import scenario_run
+from plumb.proof import invariants, scenario_run
 from plumb.proof.scenario_run import RunRequest
-from plumb.spec.tuning import AnyTuning
 from plumb.systems.contracts import tuning_for
 
 RUNS, RUNS_MOST = 400, 10_000_000
@@ -84,6 +85,8 @@ class Study:
     limits: Mapping[str, float] = field(default_factory=dict)
     """Metric -> the most that a run may have; the share of the runs that keep it is reported."""
     reference: bool = False
+    invariants: bool = False
+    """Every run is judged by the invariants of its system (plumb.proof.invariants)."""
     confirm: str | None = None
     link: str = "serial"
     """serial or can, of `virtual`."""
@@ -198,6 +201,12 @@ class Study:
         said += [f"{name} {number:g}" for name, number in self.conditions.items()] + list(self.faults)
         return ", ".join(said + ([f"varied: {', '.join(factor.name for factor in self.vary)}"] if self.vary else []))
 
+    @property
+    def conditions_varied(self) -> frozenset[str]:
+        """Names of the conditions that differ from run to run."""
+        names = (factor.name for factor in self.vary)
+        return frozenset(name.removeprefix(CONDITION) for name in names if name.startswith(CONDITION))
+
     def confirming_command(self, index: int) -> str:
         """The command line that repeats run `index` on the board that confirms."""
         board = [self.confirm or "", *(["--link", self.link] if self.link != "serial" else [])]
@@ -205,8 +214,9 @@ class Study:
         before, native, after = self.command(index).partition("--board native")
         return f"{before}--board {shlex.join(board)}{after}" if native else f"{before} --confirm {shlex.join(board)}"
 
-    def command(self, index: int) -> str:
-        """The command line that repeats run `index`."""
+    def command(self, index: int, smaller: RunRequest | None = None) -> str:
+        """The command line that repeats run `index`. smaller: the same run with other conditions, but for those that
+        the study varies, and another length."""
         replay = self.replay(index)
         if replay is not None and (known := replay.command()) is not None:
             return known
@@ -215,17 +225,18 @@ class Study:
             words += ["--first-seed", str(self.first_seed), *(["--tuning", self.tuning] if self.tuning else [])]
             return shlex.join([*words, *(["--seconds", f"{self.seconds:g}"] if self.seconds is not None else [])])
         repeated = any(factor.name.startswith(SETTING) for factor in self.vary)
-        asked = self.request(index)
+        asked = smaller or self.request(index)
         scenario, tuning, conditions, faults = asked.scenario, asked.tuning, asked.conditions, asked.faults
         words = ["plumb", "run", self.system, "--board", "native", "--seed", str(asked.seed)]
         if repeated:  # no other command has the settings of a tuning
             words = ["plumb", "campaign", self.path or "STUDY.toml", "--only", str(index), "--runs", str(self.runs)]
             words += ["--first-seed", str(self.first_seed)]
             scenario, tuning, faults = self.scenario, self.tuning, list(self.faults)
-            conditions = [f"{name}={number!r}" for name, number in self.conditions.items()]
+            varied = self.conditions_varied
+            conditions = [text for text in conditions if text.partition("=")[0] not in varied]
         for option, value in (("--scenario", scenario), ("--tuning", tuning), ("--start", asked.start)):
             words += [option, str(value)] if value and not (repeated and option == "--start") else []
-        words += ["--seconds", f"{self.seconds:g}"] if self.seconds is not None else []
+        words += ["--seconds", f"{asked.seconds:g}"] if asked.seconds is not None else []
         words += [word for text in conditions for word in ("--condition", text)]
         words += [word for text in faults for word in ("--fault", text)]
         return shlex.join([*words, *(["--open-loop"] if self.open_loop else [])])
@@ -243,51 +254,11 @@ def _number(name: str, value: Value) -> float:
     return value
 
 
-def tuning_with(
-    system: str, scenario: str | None, tuning: str | None, settings: Mapping[str, float | str]
-) -> AnyTuning:
-    """A tuning of a system with other numbers or names at these paths, for example trust.r_deg2 or kalman.rate. Raises
-    UsageError for a path that it does not have."""
-    from plumb.systems.contracts import tuning_for
-
-    known = systems.load(system)
-    name = tuning or tuning_for(known, scenario or known.DEFAULT_SCENARIO)
-    _, found = scenario_run.tuning_of(system, name)
-    for path, value in settings.items():
-        found = _replaced(found, path.split("."), value, f"tuning '{name}' of {system}")
-    return found
-
-
-def _replaced(
-    settings: Any,  # Any: tunings are dataclasses of any kind
-    path: list[str],
-    value: float | str,
-    of: str,
-) -> Any:  # Any: of the same kind
-    names = [one.name for one in dataclasses.fields(settings)] if dataclasses.is_dataclass(settings) else []
-    if path[0] not in names:
-        has = ", ".join(names) or "no part"
-        raise UsageError(f"the {of} has no setting '{path[0]}'; it has {has}")
-    now = getattr(settings, path[0])
-    if len(path) > 1:
-        return dataclasses.replace(settings, **{path[0]: _replaced(now, path[1:], value, f"{path[0]} of the {of}")})
-    if isinstance(now, str) or isinstance(value, str):
-        if type(now) is not type(value):
-            wanted = "a name" if isinstance(now, str) else "no name"
-            raise UsageError(f"{path[0]} of the {of} is {wanted}, not {value!r}")
-        return dataclasses.replace(settings, **{path[0]: value})
-    if not isinstance(now, int | float) or isinstance(now, bool):
-        raise UsageError(f"{path[0]} of the {of} is no number")
-    if isinstance(now, int) and value != int(value):
-        raise UsageError(f"{path[0]} of the {of} is a whole number, not {value:g}")
-    return dataclasses.replace(settings, **{path[0]: type(now)(value)})
-
-
 KEYS: dict[str, type] = {
     "system": str, "runs": int, "first_seed": int, "seconds": float, "open_loop": bool, "scenario": str, "tuning": str,
     "start": str, "faults": list, "conditions": dict, "draw": str, "draw_seed": int, "vary": dict, "limits": dict,
     "reference": bool, "confirm": str, "link": str, "image": str, "recording": str, "recordings": str, "grade": str,
-    "decimate": int,
+    "decimate": int, "invariants": bool,
 }  # fmt: skip
 """Entries of a study and their kinds."""
 KINDS: dict[type, str] = {
@@ -393,6 +364,9 @@ def check(study: Study) -> None:
             scenario_run.check(study.request(index))
         else:
             recorded.check(replay)
+    if study.invariants:
+        varied = [str(one) for factor in study.vary if factor.name == "scenario" for one in factor.choices]
+        invariants.require(study.system, varied or [study.scenario])
 
 
 def _is_set(study: Study, factor: str) -> bool:
@@ -411,7 +385,7 @@ def _check_recorded(study: Study) -> None:
         if alone:
             raise UsageError(f"{alone[0]} is for recordings: name one with recording, or several with vary.recording")
         return
-    given = [name for name in ("scenario", "start", "faults", "conditions") if getattr(study, name)]
+    given = [name for name in ("scenario", "start", "faults", "conditions", "invariants") if getattr(study, name)]
     given += sorted(name for name in varied if name in ("scenario", "start", "faults") or name.startswith(CONDITION))
     if given:
         raise UsageError(f"{given[0]} is for scenarios: a recording has none")

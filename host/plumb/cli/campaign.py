@@ -9,7 +9,8 @@
 
 Each run gives the digests of `plumb run --board native` with its seed, in batches that leave out the integer model. The
 interval of a figure is the 95 % interval of the mean over all seeds (bootstrap). With --out every batch is kept as soon
-as it is done. Exit code 1 when a run failed, or another board differed (--confirm).
+as it is done. Exit code 1 when a run failed, when another board differed (--confirm), and when a run of a study with
+`invariants = true` violates one.
 """
 
 from __future__ import annotations
@@ -135,4 +136,4 @@ def main(arguments: argparse.Namespace) -> int:
             f"files: {', '.join(str(arguments.out / name) for name in files)}",
         ]
     print(json.dumps(said.to_json()) if arguments.json else "\n".join([said.text(), *written]))
-    return ExitCode.BAD_VERDICT if found.failed or found.differing else ExitCode.GOOD
+    return ExitCode.BAD_VERDICT if found.failed or found.differing or found.violations else ExitCode.GOOD

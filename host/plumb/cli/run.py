@@ -88,4 +88,4 @@ def main(arguments: argparse.Namespace) -> int:
 
     require_out(arguments)
     done = perform(_request(arguments))
-    return report(arguments, done.run, done.summary())
+    return report(arguments, done.run, done.summary(), more=done.statements())

@@ -8,6 +8,7 @@ below in parentheses; `plumb.systems.load` checks the module against it.
 optional:
 
     figures.py    targets and reached figures (plumb.proof.figures.FigureSections)
+    invariants.py what holds in every run of its scenario `random` (plumb.proof.invariants.Invariants)
     limits.toml   how far the estimate of a run may be from the truth (tools/gen_limits.py)
     margins.toml  margins of its closed loops on the flash image (tools/gen_margins.py)
     sweep.py      how they are swept on a board (plumb.proof.loop_figures.SweptLoops)

@@ -15,7 +15,9 @@ from plumb.boards.contract import Board, SimulatedBoard
 from plumb.boards.qemu import QemuBoard
 from plumb.errors import UsageError
 from plumb.physics import disturbance
-from plumb.proof import limits, runs
+from plumb.proof import invariants, limits, runs
+from plumb.proof.invariants import Violation
+from plumb.proof.report import Statement
 from plumb.proof.runs import Run
 from plumb.spec.tuning import AnyTuning
 from plumb.systems.contracts import PINS, Scenario, fitted, tuning_for
@@ -65,11 +67,23 @@ class ScenarioRun:
         """The metrics against the limits that the system declares for this run."""
         return self.run.accuracy(self.heading)
 
+    def violations(self) -> tuple[Violation, ...] | None:
+        """The first violation of each invariant of the system; None for a run that is not judged by invariants."""
+        judged = invariants.judges(self.run.system, str(self.heading.get("scenario")))
+        return invariants.violations_of(self.run) if judged else None
+
+    def statements(self) -> list[Statement]:
+        """What the invariants of the system say of this run; []: it is not judged by them."""
+        found = self.violations()
+        return [] if found is None else invariants.statements(self.run.system, found)
+
     def summary(self, **changed: Any) -> dict[str, Any]:
         """What `run --json` prints; changed: entries of the heading with another value, None: left out."""
         heading = {**self.heading, **changed}
         left_out = {name for name, value in changed.items() if value is None}
-        return self.run.summary(**{name: value for name, value in heading.items() if name not in left_out})
+        said = self.run.summary(**{name: value for name, value in heading.items() if name not in left_out})
+        found = self.violations()
+        return said if found is None else {**said, "violations": [one.to_json() for one in found]}
 
 
 def check(request: RunRequest) -> None:
