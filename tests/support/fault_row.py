@@ -1,4 +1,5 @@
-"""Run one row of the fault table on the first system that has it, in a process of its own; prints JSON.
+"""Run one row of the fault table on the first system that has it, in a process of its own; prints JSON. The systems of
+the image of all systems come first: a row that one of them has needs no other image.
 
     python -m support.fault_row NAME[@FEATURE] PHASES
 
@@ -24,7 +25,7 @@ def run(name: str, phases: int) -> tuple[str, str]:
     a row that no system has."""
     name, _, feature = name.partition("@")
     faults = [fault for fault in table.FAULTS if fault.name == name]
-    for system in table.tested_systems():
+    for system in sorted(table.tested_systems(), key=lambda system: images.running(system) is not None):
         with Runner(system, phases=phases, scenario=scenarios_of(system)[0]) as runner:
             try:
                 here = feature in ("", *runner.scene("serial")[0].features)
