@@ -9,6 +9,7 @@ from plumb.f103.attached.canwire import BIT_RECESSIVE, STUFF, WireFrame
 from plumb.f103.machine import Machine
 from plumb.f103.peripherals.usart import FE, NE, ORE
 from plumb.proof.faults.fault import Action, Fault
+from plumb.proof.faults.frames import Stranger
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import ESTIMATE, Scene
 
@@ -66,6 +67,11 @@ def can_shorted(scene: Scene) -> None:
     scene.machine.can.wire.short(True)
     scene.run(TROUBLE_S)
     scene.machine.can.wire.short(False)
+
+
+def heard_on_can(scene: Scene) -> None:
+    """A node on CAN has greeted: the board sends to both links, and goes off a bus that fails."""
+    Stranger(scene, greeted=True)
 
 
 def can_babbler(scene: Scene) -> None:
@@ -151,8 +157,9 @@ FAULTS = (
           "closed", (SILENCE,), link="can"),
     Fault("can-bus-off", "buses", "every frame of the board is destroyed for 100 ms: it goes off the bus",
           can_sends_fail, "closed", (SILENCE, BUS_OFF), link="can"),
-    Fault("can-shorted-beside-uart", "buses", "the bus is held dominant for 100 ms, armed over the UART", can_shorted,
-          "held", (), holds=True),
+    Fault("can-shorted-beside-uart", "buses",
+          "the bus is held dominant for 100 ms, armed over the UART; a node on CAN listens", can_shorted, "held",
+          (BUS_OFF,), prepare=heard_on_can, holds=True),
     Fault("sda-stuck", "buses", "a chip holds SDA for nine clocks", sda_stuck, "sensor", _LOST, CHIPS),
     Fault("sda-shorted", "buses", "SDA shorted to ground", sda_shorted, "sensor", _LOST, CHIPS),
     Fault("i2c-bus-error", "buses", "a misplaced STOP on I2C: one access is repeated", i2c_bus_error, "held",
