@@ -13,11 +13,14 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 
 from plumb.proof.faults import table
+from plumb.proof.faults.limits import seen_red
 from support.defect_tree import Tree, judged
 from support.defects import ROOT, Defect, declared, equivalents, replaced
 
 SAMPLE_SEED, SAMPLE = 1, 1
 """`make test` builds so many defects, each caught by a single row: the way from a defect to its verdict is one."""
+FEATURES = frozenset({"analog", "chips", "bridge", "esc"})
+"""Of a system, by its sensors and by what it drives: what tells two rows of one name apart."""
 NO_TOOLS = pytest.mark.skipif(
     shutil.which("arm-none-eabi-gcc") is None or shutil.which("ninja") is None, reason="no compiler of the flash image"
 )
@@ -49,6 +52,26 @@ def test_a_declared_defect_is_of_the_present_source_and_rows(defect: Defect) -> 
         assert (ROOT / path).is_file(), test
         function = name.partition("[")[0].rpartition("::")[2]  # none: the whole file
         assert not function or f"def {function}(" in (ROOT / path).read_text(encoding="utf-8"), test
+
+
+def row_keys() -> list[str]:
+    """Every row by name; by ROW@FEATURE where another one of the name comes before it, which lacks the feature."""
+    first: dict[str, frozenset[str]] = {}
+    keys = []
+    for fault in table.FAULTS:
+        own = fault.needs - first.get(fault.name, fault.needs)
+        keys.append(f"{fault.name}@{min(own & FEATURES)}" if own else fault.name)
+        first.setdefault(fault.name, fault.needs)
+    return keys
+
+
+def test_every_row_names_a_declared_defect_that_turns_it_red() -> None:
+    """A new row has a defect: write the one-line change of the firmware that it is there for into tests/defects, see it
+    red with tools/try_defects.py, and name it in limits.toml."""
+    named, rows = seen_red(), {defect.name: defect.rows for defect in declared()}
+    assert list(named) == row_keys()
+    wrong = {row: name for row, name in named.items() if row not in rows.get(name, ())}
+    assert wrong == {}, "these defects do not name these rows in caught_by"
 
 
 def test_defects_have_names_of_their_own_and_equivalents_a_reason() -> None:

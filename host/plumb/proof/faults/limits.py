@@ -1,4 +1,4 @@
-"""The limits of the fault table, read from limits.toml."""
+"""The limits of the fault table, and the defect that turns each row red, read from limits.toml."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import tomllib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 LIMITS_PATH = Path(__file__).with_name("limits.toml")
+SEEN_RED = "seen_red"
+"""The table of limits.toml that is no limit."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,17 @@ class Limit:
 
 
 @lru_cache(maxsize=1)
+def _tables() -> dict[str, dict[str, Any]]:  # Any: TOML
+    return tomllib.loads(LIMITS_PATH.read_text("utf-8"))
+
+
+@lru_cache(maxsize=1)
 def limits() -> dict[str, Limit]:
     """By name."""
-    return {name: Limit(**row) for name, row in tomllib.loads(LIMITS_PATH.read_text("utf-8")).items()}
+    return {name: Limit(**row) for name, row in _tables().items() if name != SEEN_RED}
+
+
+def seen_red() -> dict[str, str]:
+    """Row -> the declared defect of the firmware that turns it red. ROW@FEATURE: the row of that name for systems with
+    this feature (Scene.features), where another row of the name comes before it."""
+    return dict(_tables()[SEEN_RED])
