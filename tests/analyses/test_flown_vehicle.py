@@ -24,7 +24,7 @@ from plumb.judging.quadrotor import flown_vehicle, iris
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.physics.airframe import AIR_KGPM3, HUMMINGBIRD_X, IRIS_X, Airframe
-from plumb.physics.quadrotor import to_body
+from plumb.physics.vectors import to_body
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.quadrotor import scenarios

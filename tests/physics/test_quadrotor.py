@@ -19,7 +19,8 @@ from plumb.physics.airframe import (
 )
 from plumb.physics.ground import Ground
 from plumb.physics.imu import DRAWS, IMU_GRADES, MPU6050, Imu
-from plumb.physics.quadrotor import Quadrotor, matrix_of, to_body, to_earth
+from plumb.physics.quadrotor import Quadrotor, matrix_of
+from plumb.physics.vectors import to_body, to_earth
 from plumb.physics.wind import Wind, lengths_m, sigmas_mps
 from plumb.spec.arrays import FloatArray
 

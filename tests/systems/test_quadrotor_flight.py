@@ -56,7 +56,7 @@ def test_upside_down_it_rights_itself() -> None:
 
 
 def test_a_lost_receiver_is_held_then_stopped() -> None:
-    flight, lost_s = flown("lost"), courses.COURSES["lost"].lost_s[0]
+    flight, lost_s = flown("lost"), courses.COURSES["lost"].happenings[0].begin_s
     at = [flight.phase[int(np.searchsorted(flight.time_s, lost_s + wait_s))] for wait_s in (0.05, 0.6, 1.25)]
     assert [set(phases) for phases in at] == [{FLOWN}, {HELD}, {STOPPED}]
     assert not flight.rotor[-1].any()

@@ -12,16 +12,17 @@
 #define OUTPUTS_MAX 16
 
 /* One run from its start. state: memory of the plant, plant->bytes. params: plumb_params_t as 32-bit words.
- * places: of the words of the record that drive the plant, in 32-bit words; outputs: their number. raw:
- * [steps][inputs of the system], on entry the inputs of a step without a sample. words: [steps][bytes of the
- * record], truth: [steps][plant->truths]. Returns 0 for more outputs or faults than it has room for. */
+ * places: of the words of the record that drive the plant, in 32-bit words; outputs: their number.
+ * setpoint: [steps], written where the plant gives it. raw: [steps][inputs of the system], on entry the
+ * inputs of a step without a sample. words: [steps][bytes of the record], truth: [steps][plant->truths].
+ * Returns 0 for more outputs or faults than it has room for. */
 EXPORT int32_t plumb_closed_loop(const plant_t *plant, const plant_run_t *run, void *state,
                                  const uint32_t *params, const int32_t *places, int32_t outputs,
-                                 int32_t period_us, const int32_t *setpoint, int16_t *raw, uint8_t *words,
+                                 int32_t period_us, int32_t *setpoint, int16_t *raw, uint8_t *words,
                                  double *truth);
 
 int32_t plumb_closed_loop(const plant_t *plant, const plant_run_t *run, void *state, const uint32_t *params,
-                          const int32_t *places, int32_t outputs, int32_t period_us, const int32_t *setpoint,
+                          const int32_t *places, int32_t outputs, int32_t period_us, int32_t *setpoint,
                           int16_t *raw, uint8_t *words, double *truth) {
     plumb_params_t p;
     memcpy(&p, params, sizeof p);
@@ -36,6 +37,8 @@ int32_t plumb_closed_loop(const plant_t *plant, const plant_run_t *run, void *st
         const double time_s = (double)((int64_t)i * period_us) * 1e-6;
         plant->follow(state, time_s, i ? output : NULL);
         plant->sample(state, i, time_s, raw, truth);
+        if (plant->setpoint)
+            setpoint[i] = plant->setpoint(state);
         control_step(&c, &p, raw, setpoint[i]);
         memcpy(words, control_words(&c), bytes);
         for (int32_t n = 0; n < outputs; n++)

@@ -1,4 +1,5 @@
-/* A plant in C, so that a campaign closes its loops without leaving C: host/plumb/systems/NAME/plant.c.
+/* A plant in C, so that a campaign closes its loops without leaving C: host/plumb/systems/NAME/plant.c
+ * and, where it is long, plant_*.c beside it.
  *
  * It repeats the Python plant of the system operation by operation, in IEEE double and with the functions of
  * the same C library, so that both give the same counts to the bit. All random numbers come from Python, so
@@ -7,16 +8,20 @@
 #ifndef PLUMB_PORTS_BATCH_PLANT_H
 #define PLUMB_PORTS_BATCH_PLANT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#define PLANT_FAULTS_MAX 16
+#define PLANT_FAULTS_MAX 32
 
 typedef enum {
     PLANT_FAULT_RAILED = 0,
     PLANT_FAULT_STUCK,
     PLANT_FAULT_NOISY,
-    PLANT_FAULT_SILENT
+    PLANT_FAULT_SILENT,
+    PLANT_FAULT_FLICKERING, /* this and what follows: of sensors with a bus alone */
+    PLANT_FAULT_AMPLIFIED,
+    PLANT_FAULT_MISSING
 } plant_fault_kind_t;
 
 /* A fault of a sensor, as a row of numbers: a kind of plant_fault_kind_t, a channel, and start <= time <
@@ -24,6 +29,12 @@ typedef enum {
 typedef struct {
     double kind, channel, start_s, stop_s;
 } plant_fault_t;
+
+/* The counts that a channel had when its fault began, for each fault. */
+typedef struct {
+    double lsb[PLANT_FAULTS_MAX];
+    bool begun[PLANT_FAULTS_MAX];
+} plant_frozen_t;
 
 /* One drawn run. numbers, signals: in the order that the plant names them. */
 typedef struct {
@@ -45,6 +56,15 @@ typedef struct {
     void (*follow)(void *plant, double time_s, const int32_t *outputs);
     /* Raw counts of sample k at time_s, and the true state then. */
     void (*sample)(void *plant, int32_t k, double time_s, int16_t *counts, double *truth);
+    /* Setpoint of the sample that was taken last, from a pilot who sees the vehicle; NULL: setpoints are
+     * given before the run. Such a pilot's commands are further counts of the sample. */
+    int32_t (*setpoint)(const void *plant);
 } plant_t;
+
+/* Put the faults of a run into the counts of the sample at time_s, in their order. noise: unit noise of
+ * channel c at noise[c * run->steps]; noise_lsb: its size where it is added; rail_lsb: the end of the scale.
+ */
+void plant_fail(const plant_run_t *run, plant_frozen_t *frozen, double time_s, int16_t *counts,
+                const double *noise, double noise_lsb, double rail_lsb);
 
 #endif

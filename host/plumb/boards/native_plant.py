@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from plumb import systems
 from plumb.boards import native_build, native_core
-from plumb.boards.contract import RawCounts
+from plumb.boards.contract import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
@@ -20,6 +20,9 @@ from plumb.spec.records import RECORDS, Words
 from plumb.systems.compiled_plants import COMPILED, DrawnRun
 from plumb.systems.contracts import Scenario
 from plumb.tuning.quantise import ControlParams
+
+FAULTS_MOST = 32
+"""PLANT_FAULTS_MAX."""
 
 
 class _Plant(ctypes.Structure):
@@ -31,6 +34,10 @@ class _Plant(ctypes.Structure):
         ("truth", ctypes.c_char_p),
         ("bytes", ctypes.c_size_t),
         ("truths", ctypes.c_int32),
+        ("begin", ctypes.c_void_p),
+        ("follow", ctypes.c_void_p),
+        ("sample", ctypes.c_void_p),
+        ("setpoint", ctypes.c_void_p),
     )
 
 
@@ -49,10 +56,11 @@ class _Run(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Answer:
-    """Result of a closed loop: raw counts (steps, inputs), the words of every step, and the true state by name, each of
-    shape (steps,)."""
+    """Result of a closed loop: raw counts (steps, inputs), setpoints, the words of every step, and the true state by
+    name, each of shape (steps,)."""
 
     raw: RawCounts
+    setpoint: Setpoints
     words: Words
     truth: dict[str, FloatArray]
 
@@ -86,7 +94,8 @@ def closed_loop(scenario: Scenario, params: ControlParams, *, open_loop: bool = 
     )
     state = np.zeros(plant.bytes // 8 + 1, np.int64)
     places = np.array([_place(record, name) for name in systems.load(system).OUTPUTS], np.int32)
-    setpoint = np.ascontiguousarray(scenario.setpoint(), np.int32)
+    given = np.zeros(scenario.steps, np.int32) if plant.setpoint else scenario.setpoint()
+    setpoint = np.array(given, np.int32)
     raw = np.tile(np.array(declared.whole_inputs(()), np.int16), (scenario.steps, 1))
     words, truth = np.zeros(scenario.steps, record), np.zeros((scenario.steps, plant.truths))
     table = np.array([word & 0xFFFFFFFF for word in params.words()], np.uint32)
@@ -95,9 +104,9 @@ def closed_loop(scenario: Scenario, params: ControlParams, *, open_loop: bool = 
         scenario.period_us, _pointer(setpoint), _pointer(raw), _pointer(words), _pointer(truth),
     )  # fmt: skip
     if not done:
-        raise UsageError(f"a run of {system} has at most 16 faults here, not {len(faults)}")
+        raise UsageError(f"a run of {system} has at most {FAULTS_MOST} faults here, not {len(faults)}")
     names = (plant.truth or b"").decode().split(",")
-    return Answer(raw, Words(words), dict(zip(names, np.ascontiguousarray(truth.T), strict=True)))
+    return Answer(raw, setpoint, Words(words), dict(zip(names, np.ascontiguousarray(truth.T), strict=True)))
 
 
 def _pointer(array: npt.NDArray[np.generic]) -> ctypes.c_void_p:

@@ -198,7 +198,7 @@ def _answer(request: RunRequest, drawn: Drawn) -> tuple[RunInputs, Words]:
     scenario, params = drawn.scenario, drawn.params
     if _compiled(request, drawn):
         answer = native_plant.closed_loop(scenario, params, open_loop=not drawn.closes)
-        inputs = RunInputs(scenario.time_s, answer.truth, answer.raw, scenario.setpoint(), scenario.scored)
+        inputs = RunInputs(scenario.time_s, answer.truth, answer.raw, answer.setpoint, scenario.scored)
         return inputs, answer.words
     if not drawn.closes:
         inputs = runs.prescribed(scenario)

@@ -3,7 +3,8 @@
     hummingbird   RotorS (ETH Zurich), rotors_description/urdf/hummingbird.xacro: body 0.68 kg and four rotors of 9 g
     iris          PX4, PX4-SITL_gazebo-classic models/iris/iris.sdf.jinja: body 1.5 kg, sensor 15 g, four rotors of 5 g
 
-Assumed for both: drag of the frame (CdA, and how far above the centre it acts), legs, and the thrust for a command.
+Assumed for both: drag of the frame (CdA, and how far above the centre it acts), legs (which give way by 3 mm under 0.7
+kg), and the thrust for a command.
 Axes of the body: x to the front, y to the left, z up.
 """
 
@@ -43,6 +44,8 @@ class Airframe:
     drag_told_per_s: float = 0.0
     leg_out_m: float = 0.12
     leg_down_m: float = 0.08
+    leg_spring_npm: float = 600.0
+    leg_damper_nspm: float = 8.0
 
     @property
     def weight_n(self) -> float:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from plumb.physics.airframe import Airframe, command_for
-from plumb.physics.quadrotor import cross
+from plumb.physics.vectors import cross
 from plumb.spec.arrays import BoolArray, FloatArray
 
 ATTITUDE_GAIN, RATE_GAIN, RATE_INTEGRAL, YAW_GAIN = 6.0, 22.0, 1.5, 8.0

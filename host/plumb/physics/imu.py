@@ -10,11 +10,13 @@ mg) an axis.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from plumb.physics.vectors import to_earth
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
 
@@ -45,7 +47,8 @@ IMU_GRADES = {"mpu6050": MPU6050, "adxl345_itg3205": TWO_CHIPS}
 
 
 class Imu:
-    """The sensors of all runs, read every period_s."""
+    """The sensors of all runs, read every period_s. matrix: scale and misalignment of the gyro, (3, 3, runs);
+    stepped_dps: what a shock has added to its bias, (3, runs); gyro_noise_dps, accel_noise_g: of a sample."""
 
     def __init__(self, grade: ImuGrade, drawn: FloatArray, period_s: float) -> None:
         """drawn: unit normal numbers for the errors, (DRAWS, runs)."""
@@ -54,24 +57,26 @@ class Imu:
         matrix = grade.misalignment * drawn[:9].reshape(3, 3, runs)
         for axis in range(3):
             matrix[axis, axis] = 1.0 + grade.scale * drawn[4 * axis]
-        self._matrix = matrix
+        self.matrix = matrix
+        self.stepped_dps = np.zeros((3, 1))
         self.bias_dps = grade.bias_dps * np.where(drawn[9:12] < 0.0, -1.0, 1.0)
-        self._warm_up_dps = grade.warm_up_dps * drawn[15:18]
-        self._offset_g = grade.offset_g * drawn[12:15]
+        self.warm_up_dps = grade.warm_up_dps * drawn[15:18]
+        self.offset_g = grade.offset_g * drawn[12:15]
         per_sample = np.sqrt(0.5 / period_s)
-        self._gyro_noise, self._accel_noise = grade.gyro_noise_dps * per_sample, grade.accel_noise_g * per_sample
+        self.gyro_noise_dps = float(grade.gyro_noise_dps * per_sample)
+        self.accel_noise_g = float(grade.accel_noise_g * per_sample)
 
     def bias_now_dps(self, time_s: float) -> FloatArray:
         """Bias of the gyro, (3, runs); time_s: since power-up."""
-        return np.asarray(self.bias_dps - self._warm_up_dps * np.expm1(-time_s / WARM_UP_S))
+        return np.asarray(self.bias_dps + self.stepped_dps - self.warm_up_dps * math.expm1(-time_s / WARM_UP_S))
 
     def counts(
         self, time_s: float, rate_dps: FloatArray, force_g: FloatArray, white: FloatArray
     ) -> npt.NDArray[np.int16]:
         """Counts (runs, 6) for the mean rate and specific force since the sample before, (3, runs) each. time_s: since
         power-up; white: unit noise, (6, runs)."""
-        rate = (self._matrix * rate_dps).sum(axis=1) + self.bias_now_dps(time_s) + self._gyro_noise * white[:3]
-        force = force_g + self._offset_g + self._accel_noise * white[3:]
+        rate = to_earth(self.matrix, rate_dps) + self.bias_now_dps(time_s) + self.gyro_noise_dps * white[:3]
+        force = force_g + self.offset_g + self.accel_noise_g * white[3:]
         found = np.empty((rate.shape[1], 6), np.int16)
         for part, values, channel in ((0, rate, self.grade.gyro), (3, force, self.grade.accel)):
             limited = np.clip(np.rint(values / channel.unit_per_count), channel.min_counts, channel.max_counts)

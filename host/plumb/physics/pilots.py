@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plumb.physics.airframe import G_MPS2, Airframe
+from plumb.physics.elementary import arctangent
 from plumb.physics.quadrotor import Quadrotor
 from plumb.spec.arrays import FloatArray
 
@@ -46,35 +47,42 @@ class Seen:
         return np.zeros(self.heading.shape[1])
 
 
-def centred(seen: Seen) -> Lean:
-    return seen.zero, seen.zero, seen.zero
+@dataclass(frozen=True)
+class Leaning:
+    """A pilot that asks for one lean until a time, then for none."""
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_radps: float = 0.0
+    until_s: float = float("inf")
+
+    def __call__(self, seen: Seen) -> Lean:
+        share = 1.0 if seen.time_s < self.until_s else 0.0
+        return seen.zero + share * self.roll_rad, seen.zero + share * self.pitch_rad, seen.zero + share * self.yaw_radps
+
+
+centred = Leaning()
+held = Leaning(pitch_rad=HELD_DEG * DEG)
+orbit = Leaning(roll_rad=ORBIT_BANK_DEG * DEG, yaw_radps=-ORBIT_YAW_DPS * DEG)
+"""To the right, nose into the turn."""
 
 
 def place(seen: Seen) -> Lean:
     accel = -(PLACE_PER_S2 * seen.position_m[:2] + SPEED_PER_S * seen.velocity_mps[:2] + PLACE_SUM_PER_S3 * seen.sum_ms)
     cosine, sine = seen.heading
     forward, left = accel[0] * cosine + accel[1] * sine, accel[1] * cosine - accel[0] * sine
-    roll, pitch = np.arctan(-left / G_MPS2), np.arctan(forward / G_MPS2)
+    roll, pitch = arctangent(-left / G_MPS2), arctangent(forward / G_MPS2)
     return np.clip(roll, -LEAN_MAX_RAD, LEAN_MAX_RAD), np.clip(pitch, -LEAN_MAX_RAD, LEAN_MAX_RAD), seen.zero
 
 
-def held(seen: Seen) -> Lean:
-    return seen.zero, seen.zero + np.radians(HELD_DEG), seen.zero
-
-
-def orbit(seen: Seen) -> Lean:
-    # To the right, nose into the turn.
-    return seen.zero + np.radians(ORBIT_BANK_DEG), seen.zero, seen.zero - np.radians(ORBIT_YAW_DPS)
-
-
 def sticks(seen: Seen) -> Lean:
-    roll, pitch = np.radians(STICKS_DEG) * seen.sticks[int(seen.time_s / STICKS_EVERY_S)]
+    roll, pitch = STICKS_DEG * DEG * seen.sticks[int(seen.time_s / STICKS_EVERY_S)]
     return roll, pitch, seen.zero
 
 
 def shuttle(seen: Seen) -> Lean:
     side = 1.0 if int(seen.time_s / SHUTTLE_S) % 2 == 0 else -1.0
-    return seen.zero, seen.zero + side * np.radians(SHUTTLE_DEG), seen.zero
+    return seen.zero, seen.zero + side * (SHUTTLE_DEG * DEG), seen.zero
 
 
 def vertical(roll: FloatArray, pitch: FloatArray) -> FloatArray:

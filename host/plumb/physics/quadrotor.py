@@ -10,10 +10,14 @@ rotor's speed, by vibration_g in a hover and with the square of the speed.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from plumb.physics.airframe import AIR_KGPM3, G_MPS2, Airframe, thrust_share
+from plumb.physics.elementary import cosine, sine
 from plumb.physics.ground import Ground
+from plumb.physics.vectors import cross, length, to_body, to_earth, total
 from plumb.spec.arrays import FloatArray
 
 TINY_RAD = 1e-9
@@ -30,22 +34,10 @@ def matrix_of(q: FloatArray) -> FloatArray:
     return found
 
 
-def to_earth(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    return np.asarray((matrix * vectors).sum(axis=1))
-
-
-def to_body(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    return np.asarray((matrix * vectors[:, None]).sum(axis=0))
-
-
-def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product of vectors (3, runs)."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
 class Quadrotor:
     """The bodies of all runs. position_m, velocity_mps: earth axes; attitude: quaternions; rate_radps: body axes;
-    rotor_radps: (4, runs)."""
+    rotor_radps: (4, runs); vibration_g: of each rotor in a hover; pressed_n: force of the ground along its normal in
+    the last step, (runs,)."""
 
     def __init__(self, frame: Airframe, attitude: FloatArray, position_m: FloatArray, vibration_g: float = 0.3) -> None:
         runs = attitude.shape[1]
@@ -54,7 +46,7 @@ class Quadrotor:
         self.rotor_radps, self._phase = np.zeros((4, runs)), np.zeros((4, runs))
         self.matrix = matrix_of(self.attitude)
         self.thrust_factor = np.ones((4, 1))
-        self._vibration = vibration_g * G_MPS2 / frame.hover_radps**2
+        self.vibration_g, self.pressed_n = vibration_g, np.zeros(runs)
         self._torques, self._inertia = frame.allocation()[1:], np.array(frame.inertia_kgm2)[:, None]
 
     def spin_up(self, radps: float, phase_rad: FloatArray | float = 0.0) -> None:
@@ -72,23 +64,24 @@ class Quadrotor:
     ) -> FloatArray:
         """One step; returns the mean reading of an accelerometer in the centre, m/s^2, body axes."""
         frame, rotor, matrix = self.frame, self.rotor_radps, self.matrix
-        lag_s = np.where(target_radps > rotor, frame.lag_up_s, frame.lag_down_s)
-        rotor += (target_radps - rotor) * -np.expm1(-step_s / lag_s)
+        rises, falls = (-math.expm1(-step_s / lag_s) for lag_s in (frame.lag_up_s, frame.lag_down_s))
+        rotor += (target_radps - rotor) * np.where(target_radps > rotor, rises, falls)
         thrust_n = frame.thrust_ns2 * self.thrust_factor * rotor * rotor
-        spun = rotor.sum(axis=0)
+        spun = total(rotor)
         air_mps = to_body(matrix, self.velocity_mps - wind_mps)
-        speed = np.sqrt((air_mps * air_mps).sum(axis=0))
+        speed = length(air_mps)
         force = (-0.5 * AIR_KGPM3 * frame.drag_area_m2) * speed * air_mps
-        torque = self._torques @ thrust_n
+        torque = np.stack([total(arms[:, None] * thrust_n) for arms in self._torques])
         torque[0] -= frame.drag_above_m * force[1]
         torque[1] += frame.drag_above_m * force[0]
         torque[:2] -= frame.rolling_moment_kgm * spun * air_mps[:2]
         force[:2] -= frame.rotor_drag_kg * spun * air_mps[:2]
-        force[2] += thrust_n.sum(axis=0)
+        force[2] += total(thrust_n)
         if ground is not None:
             pushed, turned = ground.contact(self.position_m, self.velocity_mps, matrix, self.rate_radps)
             force += to_body(matrix, pushed)
             torque += turned
+            self.pressed_n = total(ground.normal[:, None] * pushed)
         felt = force / frame.mass_kg
         momentum = self._inertia * self.rate_radps
         self.rate_radps += step_s / self._inertia * (torque - cross(self.rate_radps, momentum))
@@ -101,8 +94,8 @@ class Quadrotor:
 
     def _turn(self, step_s: float) -> None:
         half = self.rate_radps * (step_s / 2.0)
-        angle = np.sqrt((half * half).sum(axis=0)) + TINY_RAD
-        (x, y, z), c = half * (np.sin(angle) / angle), np.cos(angle)
+        angle = length(half) + TINY_RAD
+        (x, y, z), c = half * (sine(angle) / angle), cosine(angle)
         w, i, j, k = self.attitude
         turned = np.stack([
             w * c - i * x - j * y - k * z,
@@ -110,14 +103,16 @@ class Quadrotor:
             w * y - i * z + j * c + k * x,
             w * z + i * y - j * x + k * c,
         ])  # fmt: skip
-        self.attitude = turned / np.sqrt((turned * turned).sum(axis=0))
+        self.attitude = turned / length(turned)
         self.matrix = matrix_of(self.attitude)
 
     def _shaken(self, step_s: float) -> FloatArray:
         """Mean of the vibration over a step, m/s^2."""
         turned = self.rotor_radps * step_s
         begin, self._phase = self._phase, np.mod(self._phase + turned, 2.0 * np.pi)
-        size = self._vibration * self.rotor_radps**2 * np.sinc(turned / (2.0 * np.pi))
-        middle = begin + turned / 2.0
+        half = turned / 2.0
+        mean = np.where(half == 0.0, 1.0, sine(half) / np.where(half == 0.0, 1.0, half))
+        size = self.vibration_g * G_MPS2 / self.frame.hover_radps**2 * (self.rotor_radps * self.rotor_radps) * mean
+        middle = begin + half
         zero = np.zeros(turned.shape[1])
-        return np.stack([(size * np.cos(middle)).sum(axis=0), (size * np.sin(middle)).sum(axis=0), zero])
+        return np.stack([total(size * cosine(middle)), total(size * sine(middle)), zero])

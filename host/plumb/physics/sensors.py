@@ -161,9 +161,13 @@ class OnePole:
         return np.asarray(signal[0] + np.concatenate([[0.0], response]), np.float64)
 
 
-FaultKind = Literal["railed", "stuck", "noisy", "silent"]
+FaultKind = Literal["railed", "stuck", "noisy", "silent", "flickering", "amplified", "missing"]
 FAULT_KINDS: tuple[FaultKind, ...] = ("railed", "stuck", "noisy", "silent")
-FAULT_NOISE_V, FAULT_NOISE_LSB, FAULT_RAIL_LSB = 0.1, 200.0, 32767
+DIGITAL_FAULT_KINDS: tuple[FaultKind, ...] = (*FAULT_KINDS, "flickering", "amplified", "missing")
+"""Those of a sensor with a bus, whose counts the system reads as they are. The places are those of plant.h."""
+FAULT_NOISE_V, FAULT_NOISE_LSB, FAULT_RAIL_LSB, FAULT_NO_SAMPLE = 0.1, 200.0, 32767, -32768
+FLICKER_SIGMA, AMPLIFIED = 2.4, 8.0
+"""Noise beyond which a flickering channel is at its rail, 1 sample of 61; counts of a range that is an eighth."""
 
 
 FAULT_NOTES = {
@@ -171,6 +175,12 @@ FAULT_NOTES = {
     "stuck": "a channel frozen at its last value",
     "noisy": f"a channel with {FAULT_NOISE_V:g} V, or {FAULT_NOISE_LSB:g} counts, rms of additional noise",
     "silent": "a channel that is dead: 0 V, or zero",
+}
+DIGITAL_FAULT_NOTES = {
+    **FAULT_NOTES,
+    "flickering": "a channel at the end of its scale in one sample of 61",
+    "amplified": f"a channel whose range fell back: {AMPLIFIED:g} times the counts",
+    "missing": "a channel without a sample",
 }
 
 
@@ -213,8 +223,14 @@ class Fault:
                 instead = np.clip(np.rint(counts + FAULT_NOISE_LSB * noise), -32768, 32767)
             case "silent":
                 instead = 0.0
+            case "flickering":
+                instead = np.where(np.abs(noise) > FLICKER_SIGMA, FAULT_RAIL_LSB, counts)
+            case "amplified":
+                instead = np.clip(counts * AMPLIFIED, -32768, 32767)
+            case "missing":
+                instead = FAULT_NO_SAMPLE
             case _:
-                raise UsageError(f"'{self.kind}' is no sensor fault; use railed, stuck, noisy or silent")
+                raise UsageError(f"'{self.kind}' is no sensor fault; use {', '.join(DIGITAL_FAULT_KINDS)}")
         return np.where((time_s >= self.start_s) & (time_s < self.stop_s), instead, counts).astype(np.int16)
 
 
@@ -227,14 +243,14 @@ class Push:
     stop_s: float
 
 
-def fault_of(asked: Request, channels: Sequence[str]) -> Fault:
+def fault_of(asked: Request, channels: Sequence[str], kinds: Sequence[FaultKind] = FAULT_KINDS) -> Fault:
     """The sensor fault that a request names; raises UsageError for an unknown kind or channel. channels: names in the
     order of the raw counts."""
-    for kind in FAULT_KINDS:
+    for kind in kinds:
         if kind == asked.kind and asked.what in channels:
             return Fault(kind, list(channels).index(asked.what), asked.start_s, asked.stop_s)
     said = f"{asked.kind}:{asked.what}" if asked.what else asked.kind
-    raise UsageError(f"there is no fault '{said}' here; there are {', '.join(FAULT_KINDS)} of {', '.join(channels)}")
+    raise UsageError(f"there is no fault '{said}' here; there are {', '.join(kinds)} of {', '.join(channels)}")
 
 
 def faults_of(requests: Sequence[Request], channels: Sequence[str], push_unit: str) -> tuple[Fault | Push, ...]:

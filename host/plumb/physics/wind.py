@@ -28,33 +28,33 @@ def sigmas_mps(altitude_m: float, wind_mps: float) -> tuple[float, float]:
 
 class Wind:
     """Mean wind with a direction of its own for each run, and gusts on request; velocity_mps(): earth axes, (3,
-    runs)."""
+    runs). straight_mps, first_mps, second_mps: what the filters hold; scale_s: their times, (3, 1)."""
 
     def __init__(
         self, speed_mps: float, heading_rad: FloatArray, begin: FloatArray, altitude_m: float = 10.0, gusts: bool = True
     ) -> None:
         """begin: unit white noise for the gusts at the beginning, (5, runs)."""
-        self._speed_mps = speed_mps
-        self._along = np.stack([np.cos(heading_rad), np.sin(heading_rad)])
+        self.speed_mps = speed_mps
+        self.along = np.stack([np.cos(heading_rad), np.sin(heading_rad)])
         horizontal, vertical = sigmas_mps(altitude_m, speed_mps if gusts else 0.0)
         long_m, high_m = lengths_m(altitude_m)
         past_mps = max(speed_mps, SPEED_MIN_MPS)
-        self._time_s = np.array([long_m, long_m, high_m])[:, None] / past_mps
-        self._sigma = np.array([horizontal, horizontal, vertical])[:, None]
+        self.scale_s = np.array([long_m, long_m, high_m])[:, None] / past_mps
+        self.sigma_mps = np.array([horizontal, horizontal, vertical])[:, None]
         # First and second stage of the filters; the variance of their output is twice that of the first stage.
-        first = self._sigma[1:] / np.sqrt(2.0) * begin[1:3]
-        self._first, self._second = first, first / 2.0 + self._sigma[1:] / np.sqrt(8.0) * begin[3:5]
-        self._straight = self._sigma[0] * begin[0]
+        first = self.sigma_mps[1:] / np.sqrt(2.0) * begin[1:3]
+        self.first_mps, self.second_mps = first, first / 2.0 + self.sigma_mps[1:] / np.sqrt(8.0) * begin[3:5]
+        self.straight_mps = self.sigma_mps[0] * begin[0]
 
     def advance(self, white: FloatArray, step_s: float) -> None:
         """white: unit noise, (3, runs)."""
-        share = step_s / self._time_s
-        self._straight += share[0] * -self._straight + self._sigma[0] * np.sqrt(2.0 * share[0]) * white[0]
-        self._second += share[1:] * (self._first - self._second)
-        self._first += share[1:] * -self._first + self._sigma[1:] * np.sqrt(share[1:]) * white[1:]
+        share = step_s / self.scale_s
+        self.straight_mps += share[0] * -self.straight_mps + self.sigma_mps[0] * np.sqrt(2.0 * share[0]) * white[0]
+        self.second_mps += share[1:] * (self.first_mps - self.second_mps)
+        self.first_mps += share[1:] * -self.first_mps + self.sigma_mps[1:] * np.sqrt(share[1:]) * white[1:]
 
     def velocity_mps(self) -> FloatArray:
-        along = self._speed_mps + self._straight
-        across, up = self._second + np.sqrt(3.0) * (self._first - self._second)
-        (east, north) = self._along
+        along = self.speed_mps + self.straight_mps
+        across, up = self.second_mps + np.sqrt(3.0) * (self.first_mps - self.second_mps)
+        (east, north) = self.along
         return np.stack([along * east - across * north, along * north + across * east, up])

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from plumb.physics.sensors import FAULT_KINDS, Fault
+from plumb.physics.sensors import DIGITAL_FAULT_KINDS, Fault
 from plumb.spec.arrays import FloatArray
 from plumb.spec.system_parts import Part
 from plumb.systems.contracts import Scenario
@@ -29,7 +29,9 @@ class DrawnRun:
 
     def fault_rows(self) -> FloatArray:
         """Kind, channel, start and stop of every fault, (faults, 4)."""
-        rows = [(FAULT_KINDS.index(fault.kind), fault.channel, fault.start_s, fault.stop_s) for fault in self.faults]
+        rows = [
+            (DIGITAL_FAULT_KINDS.index(fault.kind), fault.channel, fault.start_s, fault.stop_s) for fault in self.faults
+        ]
         return np.array(rows, np.float64).reshape(-1, 4)
 
 

@@ -21,7 +21,7 @@ from plumb.analyses.comparison.contenders import Described
 from plumb.errors import UsageError
 from plumb.physics.airframe import G_MPS2, Airframe
 from plumb.physics.imu import ImuGrade
-from plumb.physics.quadrotor import cross
+from plumb.physics.vectors import cross
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.system_parts import Part

@@ -75,15 +75,9 @@ class _Draws:
 
 def _start(flight: Flight, heading_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Attitudes and positions at the beginning."""
-    zero = np.zeros_like(heading_rad)
-    half, lean = heading_rad / 2.0, -flight.slope_rad / 2.0
-    # Heading about the vertical, then the slope's lean about the earth's y axis.
-    w, z = np.cos(half), np.sin(half)
-    attitude = np.stack([np.cos(lean) * w, np.sin(lean) * z, np.sin(lean) * w, np.cos(lean) * z])
-    position = np.stack([zero, zero, zero + HEIGHT_M])
-    if flight.lands:
-        normal = Ground(flight.frame, flight.slope_rad).normal
-        position = np.broadcast_to((flight.frame.leg_down_m * normal)[:, None], position.shape).copy()
+    attitude, position = Ground(flight.frame, flight.slope_rad).standing(heading_rad)
+    if not flight.lands:
+        position = np.broadcast_to(np.array([0.0, 0.0, HEIGHT_M])[:, None], position.shape).copy()
     return attitude, position
 
 

@@ -2,10 +2,8 @@
  * drawn_run.py. */
 #include "ports/batch/plant.h"
 #include <math.h>
-#include <stdbool.h>
 
 #define RAD_TO_DEG (180.0 / 3.14159265358979323846)
-#define CHANNELS   4
 
 typedef struct {
     double open_loop, grid_s;
@@ -35,8 +33,7 @@ typedef struct {
     const numbers_t *is;
     double tilt_rad, rate_radps, turning_radps2, way_m, velocity_mps, accel_mps2, disturbance;
     int32_t step;
-    double frozen_lsb[PLANT_FAULTS_MAX];
-    bool frozen[PLANT_FAULTS_MAX];
+    plant_frozen_t frozen;
 } vehicle_t;
 
 static double clip(double x, double least, double most) {
@@ -118,37 +115,6 @@ static void follow(void *plant, double time_s, const int32_t *outputs) {
         advance(v, outputs ? &duty : NULL);
 }
 
-static void fail(vehicle_t *v, int32_t k, double time_s, int16_t counts[CHANNELS]) {
-    for (int32_t i = 0; i < v->run->fault_count; i++) {
-        const plant_fault_t *fault = &v->run->faults[i];
-        const int32_t channel = (int32_t)fault->channel;
-        if (time_s < fault->start_s)
-            continue;
-        if (!v->frozen[i]) {
-            v->frozen[i] = true;
-            v->frozen_lsb[i] = counts[channel];
-        }
-        if (time_s >= fault->stop_s)
-            continue;
-        double lsb = 0.0;
-        switch ((plant_fault_kind_t)fault->kind) {
-        case PLANT_FAULT_RAILED:
-            lsb = v->is->fault_rail_lsb;
-            break;
-        case PLANT_FAULT_STUCK:
-            lsb = v->frozen_lsb[i];
-            break;
-        case PLANT_FAULT_NOISY:
-            lsb = counts[channel] +
-                  v->is->fault_noise_lsb * v->run->signals[FAULT_NOISE][channel * v->run->steps + k];
-            break;
-        case PLANT_FAULT_SILENT:
-            break;
-        }
-        counts[channel] = (int16_t)clip(rint(lsb), -32768.0, 32767.0);
-    }
-}
-
 static void force_g(const vehicle_t *v, double force[2]) {
     const numbers_t *is = v->is;
     const double sine = sin(v->tilt_rad), cosine = cos(v->tilt_rad);
@@ -180,7 +146,8 @@ static void sample(void *plant, int32_t k, double time_s, int16_t *counts, doubl
     }
     const double edges = floor((v->way_m - is->wheel_radius_m * v->tilt_rad) / is->edge_m);
     counts[3] = (int16_t)(uint16_t)(int64_t)edges;
-    fail(v, k, time_s, counts);
+    plant_fail(v->run, &v->frozen, time_s, counts, &of[FAULT_NOISE][k], is->fault_noise_lsb,
+               is->fault_rail_lsb);
     truth[0] = v->tilt_rad * RAD_TO_DEG;
     truth[1] = of[BIAS_DPS][k];
     truth[2] = rate_dps;

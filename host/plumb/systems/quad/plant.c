@@ -159,6 +159,10 @@ static void fail(axis_t *a, int32_t k, double time_s, double volts[CHANNELS]) {
         case PLANT_FAULT_SILENT:
             volts[channel] = 0.0;
             break;
+        case PLANT_FAULT_FLICKERING:
+        case PLANT_FAULT_AMPLIFIED:
+        case PLANT_FAULT_MISSING:
+            break; /* an analog sensor has none of these */
         }
     }
 }

@@ -7,7 +7,9 @@ place and speed 0.2 s late, and hold the height by eye. In mode rate the sticks 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from plumb.physics import pilots
 from plumb.physics.imu import MPU6050, TWO_CHIPS, ImuGrade
@@ -18,9 +20,11 @@ ACTS_S = REST_S + SETTLED_S
 HAPPENS_S = 9.0
 """When a gust, a push or a weak motor comes."""
 HEIGHT_M, CLIMB_MPS, SINK_MPS = 30.0, 1.0, 0.5
-WIND_MPS, GUST_MPS, WEAK_SHARE, KICK_RADPS = 5.0, 6.0, 0.8, 17.5
-"""GUST_MPS: step of the wind; WEAK_SHARE: what is left of one rotor's thrust; KICK_RADPS: rate about x that a push of
-10 ms leaves."""
+WIND_MPS, GUST_MPS, WEAK_SHARE, KICK_RADPS, KICK_S = 5.0, 6.0, 0.8, 17.5, 0.01
+"""GUST_MPS: step of the wind; WEAK_SHARE: what is left of one rotor's thrust; KICK_RADPS: rate about x that a push
+of KICK_S leaves."""
+TOUCHED_M = 0.01
+"""Height of the legs at which a pilot takes it for landed."""
 LEAN_DEG, LEAN_S = 20.0, 2.0
 MPU6050_LINK, TWO_CHIPS_LINK = {"accel_bus": 2}, {"accel_bus": 0}
 """Parameters that tell the board which sensors it has."""
@@ -36,44 +40,76 @@ class Turn:
     rate_dps: tuple[float, float, float]
 
 
+class Happening(NamedTuple):
+    """What happens from begin_s to end_s. what: of HAPPENINGS, which says what size and number mean."""
+
+    what: str
+    begin_s: float
+    end_s: float = math.inf
+    size: float = 0.0
+    number: int = 0
+
+    def lasts(self, time_s: float) -> bool:
+        return self.begin_s - INSTANT_S <= time_s < self.end_s - INSTANT_S
+
+
+INSTANT_S = 1e-9
+"""A time of the grid is not before itself."""
+CUT, DEAF, GUST, WEAK, BIAS, SHAKE, SAG, KICK, THROTTLE = (
+    "cut", "deaf", "gust", "weak", "bias", "shake", "sag", "kick", "throttle",
+)  # fmt: skip
+HAPPENINGS = {
+    CUT: "the throttle is low",
+    DEAF: "the receiver hears nothing",
+    GUST: "size: more wind, m/s, in its direction",
+    WEAK: "size: share of its thrust that rotor `number` loses",
+    BIAS: "size: step of the gyro's bias, deg/s, on the axes whose bits are set in `number`",
+    SHAKE: "size: unbalance of each rotor, g in a hover, instead of the course's",
+    SAG: "size: share of the thrust that the battery loses within SAG_S",
+    KICK: "size: rate about x, rad/s, by an even push",
+    THROTTLE: "size: the throttle, 0 to 1, whatever the height",
+}
+"""What -> how. Their places are those of the bits of `happening` in the truth, and of happening_t in plant_flight.h."""
+SAG_S = 1.0
+
+
 @dataclass(frozen=True)
 class Course:
-    """lands: takes off from the ground, climbs by climb_m, and lands from land_at_s on. turns: in mode rate. gust_mps,
-    kick_radps, weak: at happens_s.
-    lost_s: from when to when the receiver hears nothing. supply: share of the full thrust that the battery gives.
-    cut_s: from when on the throttle is low. held: the stand does not let go, and the throttle stays low; on_its_back:
-    it lies there upside down."""
+    """lands: takes off from the ground, which rises by slope_rad towards +x, climbs by climb_m at CLIMB_MPS, and lands
+    from land_at_s on: the throttle is low when the legs are less than touched_m above the ground, and the switch off
+    keeps_on_s later. begin_m: height at the beginning otherwise. turns: in mode rate. supply: share of the full thrust
+    that the battery gives. held: the stand does not let go, and the throttle stays low; on_its_back: it lies there
+    upside down."""
 
     title: str
     pilot: pilots.Pilot
     seconds: float = 20.0
     wind_mps: float = 0.0
     lands: bool = False
+    slope_rad: float = 0.0
     climb_m: float = 3.0
     land_at_s: float = 20.0
+    sink_mps: float = SINK_MPS
+    touched_m: float = TOUCHED_M
+    keeps_on_s: float = 0.0
+    begin_m: float = HEIGHT_M
     grade: ImuGrade = MPU6050
     vibration_g: float = 0.3
     turns: tuple[Turn, ...] = ()
-    gust_mps: float = 0.0
-    kick_radps: float = 0.0
-    weak: bool = False
-    happens_s: float = HAPPENS_S
-    lost_s: tuple[float, float] = (0.0, 0.0)
+    happenings: tuple[Happening, ...] = ()
     supply: float = 1.0
-    cut_s: float = float("inf")
     held: bool = False
     on_its_back: bool = False
 
-
-def leans(seen: pilots.Seen) -> pilots.Lean:
-    """20 deg of pitch for 2 s, then level."""
-    leaning = LEAN_DEG if seen.time_s < LEAN_S else 0.0
-    return seen.zero, seen.zero + pilots.DEG * leaning, seen.zero
+    def lasting(self, what: str, time_s: float) -> Happening | None:
+        """The last of these happenings that lasts at a time."""
+        return next((one for one in reversed(self.happenings) if one.what == what and one.lasts(time_s)), None)
 
 
-def turns_about(seen: pilots.Seen) -> pilots.Lean:
-    """Level; a full stick of yaw for 2 s."""
-    return seen.zero, seen.zero, seen.zero + (pilots.DEG * 180.0 if seen.time_s < LEAN_S else 0.0)
+leans = pilots.Leaning(pitch_rad=LEAN_DEG * pilots.DEG, until_s=LEAN_S)
+"""20 deg of pitch for 2 s, then level."""
+turns_about = pilots.Leaning(yaw_radps=180.0 * pilots.DEG, until_s=LEAN_S)
+"""Level; a full stick of yaw for 2 s."""
 
 
 CALM = Course("calm, a pilot holds the place", pilots.place)
@@ -101,18 +137,30 @@ COURSES = {
         LEVEL, title="rolled upside down in mode rate, then level",
         turns=(Turn(ACTS_S, ACTS_S + 0.48, (400.0, 0.0, 0.0)),),
     ),
-    "kick": replace(LEVEL, title="a push tips it by 50 deg", seconds=14.0, kick_radps=KICK_RADPS),
-    "gust": replace(CALM, title="a step of the wind by 6 m/s", seconds=14.0, gust_mps=GUST_MPS),
-    "weak": replace(CALM, title="one rotor loses a fifth of its thrust", seconds=14.0, weak=True),
+    "kick": replace(
+        LEVEL, title="a push tips it by 50 deg", seconds=14.0,
+        happenings=(Happening(KICK, HAPPENS_S, HAPPENS_S + KICK_S, KICK_RADPS),),
+    ),
+    "gust": replace(
+        CALM, title="a step of the wind by 6 m/s", seconds=14.0,
+        happenings=(Happening(GUST, HAPPENS_S, size=GUST_MPS),),
+    ),
+    "weak": replace(
+        CALM, title="one rotor loses a fifth of its thrust", seconds=14.0,
+        happenings=(Happening(WEAK, HAPPENS_S, size=1.0 - WEAK_SHARE),),
+    ),
     "yaw": Course("a full stick of yaw for 2 s with an empty battery", turns_about, 12.0, supply=0.45),
-    "lost": replace(CALM, title="the receiver is lost for good", seconds=11.0, lost_s=(8.0, 99.0)),
-    "heard-again": replace(CALM, title="the receiver is lost for 0.4 s", seconds=12.0, lost_s=(8.0, 8.4)),
+    "lost": replace(CALM, title="the receiver is lost for good", seconds=11.0, happenings=(Happening(DEAF, 8.0),)),
+    "heard-again": replace(
+        CALM, title="the receiver is lost for 0.4 s", seconds=12.0, happenings=(Happening(DEAF, 8.0, 8.4),)
+    ),
     "lost-low": replace(
         CALM, title="the receiver is lost just above the ground", seconds=12.0, lands=True, climb_m=0.5, land_at_s=6.0,
-        lost_s=(6.2, 99.0),
+        happenings=(Happening(DEAF, 6.2),),
     ),
     "cut": replace(
-        CALM, title="the throttle is cut, then the receiver lost", seconds=9.0, cut_s=8.0, lost_s=(8.02, 99.0)
+        CALM, title="the throttle is cut, then the receiver lost", seconds=9.0,
+        happenings=(Happening(CUT, 8.0), Happening(DEAF, 8.02)),
     ),
     "idle": Course("on its stand, rotors on, the throttle low", pilots.centred, 16.0, held=True, vibration_g=0.0),
     "on-its-back": Course("on its back, rotors on, the throttle low", pilots.centred, 8.0, held=True, on_its_back=True),

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from plumb.physics.airframe import Airframe
 from plumb.physics.imu import MPU6050
 from plumb.physics.sensors import Fault
+from plumb.physics.vectors import length
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.systems.prescribed import Steps, put_faults
-from plumb.systems.quadrotor.courses import MPU6050_LINK, TWO_CHIPS_LINK, Course
+from plumb.systems.quadrotor.courses import HAPPENINGS, MPU6050_LINK, TWO_CHIPS_LINK, Course
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.quadrotor.vehicle import Vehicles
+
+GYRO_LIES, ACCEL_LIES = (1 << len(HAPPENINGS) + place for place in range(2))
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,7 @@ class Scenario(Steps):
     seed: int
     period_us: int
     course: Course
+    frame: Airframe
     imu: FloatArray
     heading_rad: FloatArray
     wind_rad: FloatArray
@@ -73,7 +79,7 @@ class Scenario(Steps):
                 vehicles.advance(nothing)
             raw.append(declared.whole_inputs([*vehicles.counts()[0].tolist(), *vehicles.commands()[0].tolist()]))
             throttle.append(int(vehicles.throttle_q15()[0]))
-            rows.append(truth_of(vehicles))
+            rows.append(truth_of(vehicles, self.faults))
         truth = {name: np.array([row[name] for row in rows], np.float64) for name in rows[0]}
         counts = np.array(raw, np.int16)
         put_faults(counts, self.faults, self.time_s, self.fault_noise)
@@ -92,18 +98,35 @@ class Scenario(Steps):
         return self.prescribed.truth
 
 
-def truth_of(vehicles: Vehicles) -> dict[str, float]:
-    """Of a batch of one: vertical in body axes, rates, biases of the gyro, lean, what the pilot asks for, height."""
+def truth_of(vehicles: Vehicles, faults: Sequence[Fault]) -> dict[str, float]:
+    """Of a batch of one: vertical in body axes, rates, biases of the gyro, lean, what the pilot asks for, height; how
+    far the legs are above the ground (without one: the height), what presses them, by the weight, climb and speed; and
+    what happens now, as bits: those of courses.HAPPENINGS by their places, then GYRO_LIES and ACCEL_LIES."""
     body = vehicles.body
     up, rate = body.matrix[2, :, 0], np.degrees(body.rate_radps[:, 0])
-    bias = vehicles.imu.bias_now_dps(vehicles.time_s)[:, 0]
+    bias = vehicles.bias_dps()[:, 0]
     roll, pitch = np.degrees(vehicles.lean_rad[:, 0])
+    height_m, velocity = float(body.position_m[2, 0]), body.velocity_mps[:, 0]
+    above_m = float(vehicles.ground.above_m(body.position_m)[0]) - vehicles.frame.leg_down_m
     return {
         **{f"up_{axis}": float(value) for axis, value in zip("xyz", up, strict=True)},
         **{f"rate_{axis}_dps": float(value) for axis, value in zip("xyz", rate, strict=True)},
         **{f"bias_{axis}_dps": float(value) for axis, value in zip("xyz", bias, strict=True)},
-        "lean_deg": float(np.degrees(np.arccos(np.clip(up[2], -1.0, 1.0)))),
+        "lean_deg": float(np.degrees(math.acos(min(max(float(up[2]), -1.0), 1.0)))),
         "asked_roll_deg": float(roll),
         "asked_pitch_deg": float(pitch),
-        "height_m": float(body.position_m[2, 0]),
+        "height_m": height_m,
+        "clear_m": above_m if vehicles.course.lands else height_m,
+        "pressed": float(body.pressed_n[0]) / vehicles.frame.weight_n,
+        "climb_mps": float(velocity[2]),
+        "speed_mps": float(length(velocity)),
+        "happening": float(_happening(vehicles, faults)),
     }
+
+
+def _happening(vehicles: Vehicles, faults: Sequence[Fault]) -> int:
+    course, now_s = vehicles.course, vehicles.time_s
+    bits = [1 << place for place, what in enumerate(HAPPENINGS) if course.lasting(what, now_s) is not None]
+    lying = [one.channel for one in faults if one.start_s <= now_s < one.stop_s]
+    gyro, accel = any(channel < 3 for channel in lying), any(channel >= 3 for channel in lying)
+    return sum(bits) | GYRO_LIES * gyro | ACCEL_LIES * accel

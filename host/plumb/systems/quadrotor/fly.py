@@ -12,7 +12,7 @@ from plumb.physics.airframe import command_for
 from plumb.spec.arrays import FloatArray
 from plumb.systems.quadrotor import courses, scenarios
 from plumb.systems.quadrotor.plant import QuadrotorPlant, command_of
-from plumb.systems.quadrotor.vehicle import FRAME
+from plumb.systems.quadrotor.scenarios import FRAME
 from plumb.systems.steered import Controls, Drawing, Event, Quaternion, Reading, Seen, Shape
 
 TUNING = replace(scenarios.HUMMINGBIRD, receiver=replace(scenarios.HUMMINGBIRD.receiver, lands=1))
@@ -21,7 +21,7 @@ FRAMES = ("QUADROTOR_ROTOR_0", "QUADROTOR_ROTOR_1", "QUADROTOR_ROTOR_2", "QUADRO
 ESTIMATED = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
 SETTLED_S = courses.REST_S
 BREEZE_MPS = 2.0
-AIRFIELD = courses.Course("flown by hand", pilots.centred, wind_mps=BREEZE_MPS, lands=True, happens_s=0.0)
+AIRFIELD = courses.Course("flown by hand", pilots.centred, wind_mps=BREEZE_MPS, lands=True)
 IMU = AIRFIELD.grade
 NOISE_S = 60.0
 """The noise of sensors and gusts repeats after this time."""
@@ -31,6 +31,11 @@ EVENTS = {
     WEAK: Event("Weak motor", f"the front right rotor has {courses.WEAK_SHARE:.0%} of its thrust for 5 s", 5.0),
     STUCK: Event("Stuck sensor", "the gyro repeats its last counts for 0.2 s", 0.2),
 }
+HAPPENINGS = {
+    GUST: courses.Happening(courses.GUST, 0.0, size=courses.GUST_MPS),
+    WEAK: courses.Happening(courses.WEAK, 0.0, size=1.0 - courses.WEAK_SHARE),
+}
+"""What an event does as long as it is on."""
 STUCK_COUNTS = 3
 STILL_MPS, STILL_RADPS = 0.05, 0.05
 PHASES = ("flown", "no receiver: held level", "no receiver: landing", "stopped: switch the rotors off")
@@ -92,10 +97,9 @@ class Vehicle(QuadrotorPlant):
         return tuple(event for event, end_s in self._ends_s.items() if self.vehicles.time_s < end_s)
 
     def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
-        gusty, weak = GUST in (on := self.happening()), WEAK in on
-        course = self.vehicles.course
-        if (bool(course.gust_mps), course.weak) != (gusty, weak):
-            self.vehicles.course = replace(course, gust_mps=courses.GUST_MPS if gusty else 0.0, weak=weak)
+        happenings = tuple(HAPPENINGS[event] for event in self.happening() if event in HAPPENINGS)
+        if self.vehicles.course.happenings != happenings:
+            self.vehicles.course = replace(AIRFIELD, happenings=happenings)
         super().follow(time_s, outputs)
         pulses = np.array(list(outputs.values()) or [0] * len(self._motors))
         self._motors = tuple(command_of(pulses).tolist())

@@ -39,18 +39,17 @@ class QuadrotorPlant:
     def counts(self, time_s: float) -> tuple[int, ...]:
         """All inputs of the sample at time_s, which `follow` has reached."""
         row = [*self.vehicles.counts()[0].tolist(), *self.vehicles.commands()[0].tolist()]
-        for fault in self.scenario.faults:
-            channel = fault.channel
-            if fault.start_s <= time_s < fault.stop_s:
-                start = self._frozen.setdefault(channel, row[channel])
-                noise = self.scenario.fault_noise[channel, self.vehicles.step % self.scenario.steps]
-                row[channel] = int(
-                    fault.counts(np.array([row[channel]]), np.array([time_s]), start, np.array([noise]))[0]
-                )
+        step = self.vehicles.step % self.scenario.steps
+        for place, fault in enumerate(self.scenario.faults):
+            if time_s >= fault.start_s:
+                channel = fault.channel
+                start = self._frozen.setdefault(place, row[channel])
+                now = np.array([row[channel]], np.int16), np.array([time_s])
+                row[channel] = int(fault.counts(*now, start, self.scenario.fault_noise[channel, step : step + 1])[0])
         return tuple(row)
 
     def truth(self, time_s: float) -> dict[str, float]:
-        return truth_of(self.vehicles)
+        return truth_of(self.vehicles, self.scenario.faults)
 
     def setpoint(self, time_s: float) -> int:
         """Throttle that the receiver has heard last, Q15."""

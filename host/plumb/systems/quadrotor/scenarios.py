@@ -17,7 +17,7 @@ from plumb.errors import UsageError
 from plumb.physics.airframe import HUMMINGBIRD_X
 from plumb.physics.disturbance import Request
 from plumb.physics.imu import DRAWS, MPU6050, TWO_CHIPS
-from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
+from plumb.physics.sensors import DIGITAL_FAULT_KINDS, DIGITAL_FAULT_NOTES, Fault, fault_of
 from plumb.systems.attitude.scenarios import TUNINGS as ESTIMATORS
 from plumb.systems.contracts import Plant
 from plumb.systems.quadrotor import courses
@@ -29,6 +29,7 @@ from plumb.systems.run_length import length_s
 PERIOD_US = 2_500
 PERIODS_US = (1_250, 5_000)
 SUB_STEP_US = 1_250
+FRAME = HUMMINGBIRD_X
 UNSURE_DEG = 10.0
 """Beyond this standard deviation of the tilt the error of the vertical asks for slow rates alone."""
 NOISES, STICKS = 9, 1200
@@ -37,7 +38,7 @@ SCENARIOS = {name: course.title for name, course in courses.COURSES.items()}
 SECONDS = {name: course.seconds for name, course in courses.COURSES.items()}
 DEFAULT_SCENARIO, DEFAULT_TUNING = "calm", "hummingbird"
 FAULT_CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
-FAULTS = FAULT_NOTES
+FAULTS = DIGITAL_FAULT_NOTES
 ESC_PERIOD_US = 2_500
 LINK = {"pins": 2, "esc_period_us": ESC_PERIOD_US}
 
@@ -99,7 +100,7 @@ TUNING_FOR = {TWO_CHIPS_NAME: TWO_CHIPS_NAME}
 
 def faults(requests: Sequence[Request]) -> tuple[Fault, ...]:
     """Faults for `scenario`; raises UsageError for an unknown kind or channel."""
-    return tuple(fault_of(asked, FAULT_CHANNELS) for asked in requests)
+    return tuple(fault_of(asked, FAULT_CHANNELS, DIGITAL_FAULT_KINDS) for asked in requests)
 
 
 def plant(scenario: Scenario, *, open_loop: bool = False) -> Plant:
@@ -138,6 +139,6 @@ def _drawn(name: str, seed: int, steps: int, period_us: int, faults: tuple[Fault
     noise = rng.standard_normal((steps, NOISES))
     fault_noise = rng.standard_normal((len(FAULT_CHANNELS), steps))
     return Scenario(
-        name, seed, period_us, courses.COURSES[name], imu, np.array(heading), np.array(wind), phase, gusts, sticks,
-        noise, fault_noise, faults,
+        name, seed, period_us, courses.COURSES[name], FRAME, imu, np.array(heading), np.array(wind), phase, gusts,
+        sticks, noise, fault_noise, faults,
     )  # fmt: skip

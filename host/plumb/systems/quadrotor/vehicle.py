@@ -6,6 +6,7 @@ and `throttle_q15` of the sample at its end. One run is a batch of one.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from typing import Protocol
@@ -14,25 +15,25 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.physics import pilots
-from plumb.physics.airframe import G_MPS2, HUMMINGBIRD_X, Airframe, command_for
+from plumb.physics.airframe import G_MPS2, Airframe, command_for
 from plumb.physics.cascade import Cascade
+from plumb.physics.elementary import cosine, sine
 from plumb.physics.ground import Ground
 from plumb.physics.imu import Imu
 from plumb.physics.quadrotor import Quadrotor
+from plumb.physics.vectors import length
 from plumb.physics.wind import Wind
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.systems.quadrotor import courses
 
-FRAME = HUMMINGBIRD_X
 SUB_STEP_S, DELAY_STEPS = 0.00125, 2
 """Steps of the physics, and the delay of a command in them: 2 ms of the ESC and half a millisecond of computing."""
-FULL_Q15 = 32767
-STICK_LEAN_RAD, STICK_RATE_DPS, STICK_YAW_DPS = np.radians(35.0), 400.0, 180.0
-"""What a pilot takes a full stick for."""
+FULL_Q15, PLACE_SUM_MOST_MS = 32767, 30.0
+STICK_LEAN, STICK_RATE_DPS, STICK_YAW_DPS = math.sin(math.radians(35.0)), 400.0, 180.0
+"""What a pilot takes a full stick for: sine of a lean, and rates."""
 ROTORS_ON, MODE_RATE = 1, 2
 FRAME_S, NUMBERS = 1.0 / 150.0, 255
 """The receiver hears 150 frames a second (CRSF), numbered 1 to 255 in a circle."""
-TOUCHED_M = 0.01
 
 
 class Drawn(Protocol):
@@ -43,6 +44,8 @@ class Drawn(Protocol):
     @property
     def course(self) -> courses.Course: ...
     @property
+    def frame(self) -> Airframe: ...
+    @property
     def noise(self) -> FloatArray: ...
     @property
     def sticks(self) -> FloatArray: ...
@@ -52,40 +55,43 @@ DRAWS = ("imu", "heading_rad", "wind_rad", "phase_rad", "gusts")
 """Further values, by name."""
 
 
-class Vehicles:
-    """The bodies of runs of one course and period. ideal: a float cascade on the true attitude flies instead of the
-    commands that `advance` is given."""
+def seen_steps(period_s: float) -> int:
+    """How many periods late a pilot sees."""
+    return max(round(pilots.SEEN_LATE_S / period_s), 1)
 
-    def __init__(self, drawn: Sequence[Drawn], *, ideal: bool = False, frame: Airframe = FRAME) -> None:
-        first, self.frame = drawn[0], frame
-        self.course, self.period_s, self.runs = first.course, first.period_us * 1e-6, len(drawn)
+
+def hover_command(frame: Airframe, supply: float) -> float:
+    """Command of each rotor in a hover with this share of the full thrust."""
+    return float(command_for(np.array(frame.weight_n / frame.thrust_max_n / supply)))
+
+
+class Vehicles:
+    """The bodies of runs of one course, frame and period. ideal: a float cascade on the true attitude flies instead of
+    the commands that `advance` is given."""
+
+    def __init__(self, drawn: Sequence[Drawn], *, ideal: bool = False, frame: Airframe | None = None) -> None:
+        """frame: instead of the one of the runs."""
+        first = drawn[0]
+        self.course, self.frame = first.course, first.frame if frame is None else frame
+        self.period_s, self.runs, self.step = first.period_us * 1e-6, len(drawn), 0
         self._noise = np.stack([one.noise for one in drawn], -1)
         self._sticks = np.stack([one.sticks for one in drawn], -1)
         draws = {name: np.stack([getattr(one, name) for one in drawn], -1) for name in DRAWS}
-        self._phase_rad, self.step = draws["phase_rad"], 0
-        half = draws["heading_rad"] / 2.0
-        heading = np.cos(half), np.sin(half)
-        attitude = np.stack([heading[0], 0.0 * half, 0.0 * half, heading[1]])
-        if self.course.on_its_back:  # rolled by half a turn
-            attitude = np.stack([0.0 * half, *heading, 0.0 * half])
-        height_m = self.frame.leg_down_m if self.course.lands else courses.HEIGHT_M
-        self.begin_m = np.stack([0.0 * half, 0.0 * half, 0.0 * half + height_m])
+        self._phase_rad = draws["phase_rad"]
+        self.ground = Ground(self.frame, self.course.slope_rad)
+        attitude, self.begin_m = self._placed(draws["heading_rad"])
         self.body = Quadrotor(self.frame, attitude, self.begin_m, self.course.vibration_g)
         self.body.thrust_factor = np.ones((4, self.runs))
-        self._ground = Ground(self.frame)
-        self._wind = Wind(self.course.wind_mps, draws["wind_rad"], draws["gusts"])
-        self._gust = np.stack([np.cos(draws["wind_rad"]), np.sin(draws["wind_rad"]), 0.0 * half])
+        self.wind = Wind(self.course.wind_mps, draws["wind_rad"], draws["gusts"])
         self.imu = Imu(self.course.grade, draws["imu"], self.period_s)
         self._waiting = deque([np.zeros((4, self.runs))] * DELAY_STEPS, maxlen=DELAY_STEPS + 1)
         self._collective = pilots.Collective(self.frame, self.runs, self.period_s)
-        self._seen: deque[tuple[FloatArray, FloatArray]] = deque(
-            maxlen=max(round(pilots.SEEN_LATE_S / self.period_s), 1)
-        )
+        self._seen: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=seen_steps(self.period_s))
         self._sum_ms = np.zeros((2, self.runs))
         self._felt = np.zeros((3, self.runs)), self.body.matrix[2].copy()
         self._heard_s = -1.0
         self._cascade = Cascade(self.frame, self.runs, self.period_s) if ideal else None
-        self.landed = np.zeros(self.runs, np.bool_)
+        self._landed_s = np.full(self.runs, np.inf)
         self.lean_rad, self.yaw_radps, self.thrust_n = (
             np.zeros((2, self.runs)),
             np.zeros(self.runs),
@@ -95,16 +101,32 @@ class Vehicles:
         self._commands, self._throttle = np.zeros((self.runs, 6), np.int16), np.zeros(self.runs, np.int32)
         self._pilot()
 
+    def _placed(self, heading_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Attitudes and places at the beginning."""
+        if self.course.lands:
+            return self.ground.standing(heading_rad)
+        half = heading_rad / 2.0
+        zero, w, z = 0.0 * half, np.cos(half), np.sin(half)
+        attitude = np.stack([w, zero, zero, z])
+        if self.course.on_its_back:  # rolled by half a turn
+            attitude = np.stack([zero, w, z, zero])
+        return attitude, np.stack([zero, zero, zero + self.course.begin_m])
+
     @property
     def time_s(self) -> float:
         return self.step * self.period_s
+
+    @property
+    def landed(self) -> BoolArray:
+        """Runs whose pilot has taken them for landed."""
+        return np.asarray(self._landed_s <= self.time_s)
 
     def advance(self, command: FloatArray) -> None:
         """One period of the physics with the commands of the rotors, 0 to 1, (4, runs)."""
         given = self._ideal_command() if self._cascade is not None else command
         at_s, self.step = self.time_s, self.step + 1
-        self._wind.advance(self._noise[self.step % len(self._noise), 6:], self.period_s)
-        if at_s >= courses.REST_S - 1e-9 and not self.course.held:
+        self.wind.advance(self._noise[self.step % len(self._noise), 6:], self.period_s)
+        if at_s >= courses.REST_S - courses.INSTANT_S and not self.course.held:
             self._fly(at_s, given)
         self._pilot()
 
@@ -112,34 +134,53 @@ class Vehicles:
         body, course = self.body, self.course
         if at_s < courses.REST_S + self.period_s / 2.0 and not course.lands:
             body.spin_up(self.frame.hover_radps, self._phase_rad)
-            hover = np.full(
-                (4, self.runs),
-                float(command_for(np.array(self.frame.weight_n / self.frame.thrust_max_n / course.supply))),
-            )
+            hover = np.full((4, self.runs), hover_command(self.frame, course.supply))
             self._waiting.extend([hover] * DELAY_STEPS)
             command = hover
-        wind_mps = self.wind_mps(at_s)
-        if at_s >= course.happens_s:
-            body.thrust_factor[0] = courses.WEAK_SHARE if course.weak else 1.0
-            if at_s < course.happens_s + 0.01 - 1e-9:
-                body.rate_radps[0] += course.kick_radps * self.period_s / 0.01
+        wind_mps, supply = self.wind_mps(at_s), self._happens(at_s)
         steps = round(self.period_s / SUB_STEP_S)
         force, rate = np.zeros((3, self.runs)), np.zeros((3, self.runs))
         for _ in range(steps):
             self._waiting.append(command)
-            target = body.target_radps(self._waiting[0], course.supply)
-            force += body.advance(target, wind_mps, SUB_STEP_S, self._ground if course.lands else None)
+            target = body.target_radps(self._waiting[0], supply)
+            force += body.advance(target, wind_mps, SUB_STEP_S, self.ground if course.lands else None)
             rate += body.rate_radps
         self._felt = np.degrees(rate) / steps, force / (G_MPS2 * steps)
 
+    def _happens(self, at_s: float) -> float:
+        """Let happen what does in the period from at_s on; gives the share of the full thrust."""
+        body, course = self.body, self.course
+        body.thrust_factor[:] = 1.0
+        for one in course.happenings:
+            if one.what == courses.WEAK and one.lasts(at_s):
+                body.thrust_factor[one.number] = 1.0 - one.size
+            if one.what == courses.KICK and one.lasts(at_s):
+                body.rate_radps[0] += one.size * self.period_s / (one.end_s - one.begin_s)
+        shaken, sags = course.lasting(courses.SHAKE, at_s), course.lasting(courses.SAG, at_s)
+        body.vibration_g = course.vibration_g if shaken is None else shaken.size
+        if sags is None:
+            return course.supply
+        return course.supply * (1.0 - sags.size * min((at_s - sags.begin_s) / courses.SAG_S, 1.0))
+
     def wind_mps(self, at_s: float | None = None) -> FloatArray:
         """Wind at a time, None: now, earth axes, (3, runs)."""
-        happened = (self.time_s if at_s is None else at_s) >= self.course.happens_s
-        wind_mps = self._wind.velocity_mps()
-        return wind_mps + self.course.gust_mps * self._gust if happened else wind_mps
+        gust = self.course.lasting(courses.GUST, self.time_s if at_s is None else at_s)
+        wind_mps = self.wind.velocity_mps()
+        if gust is not None:
+            wind_mps[:2] += gust.size * self.wind.along
+        return wind_mps
+
+    def bias_dps(self) -> FloatArray:
+        """Of the gyro now, (3, runs)."""
+        step = self.course.lasting(courses.BIAS, self.time_s)
+        self.imu.stepped_dps = np.zeros((3, 1))
+        if step is not None:
+            self.imu.stepped_dps[[bool(step.number >> axis & 1) for axis in range(3)]] = step.size
+        return self.imu.bias_now_dps(self.time_s)
 
     def counts(self) -> npt.NDArray[np.int16]:
         """Raw counts of gyro and accelerometer now, (runs, 6)."""
+        self.bias_dps()
         return self.imu.counts(self.time_s, *self._felt, self._noise[self.step % len(self._noise), :6])
 
     def commands(self) -> npt.NDArray[np.int16]:
@@ -152,45 +193,46 @@ class Vehicles:
 
     def _pilot(self) -> None:
         """What the pilot asks for now; the receiver hears it with its next frame."""
-        body, now_s = self.body, self.time_s
+        body, course, now_s = self.body, self.course, self.time_s
         self._seen.append((body.position_m.copy(), body.velocity_mps.copy()))
         position, velocity = self._seen[0]
         position = position - self.begin_m
         flying = now_s >= courses.REST_S
         if flying:
-            self._sum_ms = np.clip(self._sum_ms + self.period_s * position[:2], -30.0, 30.0)
+            sum_ms = self._sum_ms + self.period_s * position[:2]
+            self._sum_ms = np.clip(sum_ms, -PLACE_SUM_MOST_MS, PLACE_SUM_MOST_MS)
         nose = body.matrix[:2, 0]
-        heading = nose / np.maximum(np.sqrt((nose * nose).sum(axis=0)), 1e-6)
+        heading = nose / np.maximum(length(nose), 1e-6)
         acts_s = now_s - courses.ACTS_S
         knows = pilots.Seen(max(acts_s, 0.0), position, velocity, heading, self._sticks, self._sum_ms)
-        roll, pitch, self.yaw_radps = (pilots.centred if acts_s < 0.0 else self.course.pilot)(knows)
+        roll, pitch, self.yaw_radps = (pilots.centred if acts_s < 0.0 else course.pilot)(knows)
         self.lean_rad = np.stack([roll, pitch])
-        if flying and not self.course.held:
+        if flying and not course.held:
             self.thrust_n = self._collective.thrust_n(body, *self._height(now_s))
-        self.rate_dps = next((one.rate_dps for one in self.course.turns if one.begin_s <= now_s < one.end_s), None)
-        if self.course.lands and now_s > self.course.land_at_s:
-            self.landed |= self._ground.touched(body.position_m, TOUCHED_M)
+        self.rate_dps = next((one.rate_dps for one in course.turns if one.begin_s <= now_s < one.end_s), None)
+        if course.lands and now_s > course.land_at_s:
+            touched = self.ground.touched(body.position_m, course.touched_m)
+            self._landed_s = np.where(touched, np.minimum(self._landed_s, now_s), self._landed_s)
         frame = int(now_s / FRAME_S + 1e-6)
-        begin_s, end_s = self.course.lost_s
-        if frame * FRAME_S > self._heard_s and not begin_s <= now_s < end_s:
+        if frame * FRAME_S > self._heard_s and course.lasting(courses.DEAF, now_s) is None:
             self._heard_s = frame * FRAME_S
             self._hear(frame % NUMBERS + 1, flying)
 
     def _height(self, now_s: float) -> tuple[FloatArray, float]:
-        begin_m = self.begin_m[2]
-        if not self.course.lands:
+        begin_m, course = self.begin_m[2], self.course
+        if not course.lands:
             return begin_m, 0.0
         since_s = now_s - courses.REST_S
-        if now_s < self.course.land_at_s:
-            rising = since_s * courses.CLIMB_MPS < self.course.climb_m
-            return begin_m + min(since_s * courses.CLIMB_MPS, self.course.climb_m), courses.CLIMB_MPS if rising else 0.0
-        return begin_m + self.course.climb_m - courses.SINK_MPS * (now_s - self.course.land_at_s), -courses.SINK_MPS
+        if now_s < course.land_at_s:
+            rising = since_s * courses.CLIMB_MPS < course.climb_m
+            return begin_m + min(since_s * courses.CLIMB_MPS, course.climb_m), courses.CLIMB_MPS if rising else 0.0
+        return begin_m + course.climb_m - course.sink_mps * (now_s - course.land_at_s), -course.sink_mps
 
     def _hear(self, number: int, flying: bool) -> None:
-        roll, pitch = self.lean_rad
-        full = np.sin(STICK_LEAN_RAD)
-        sticks = [np.sin(roll) * np.cos(pitch) / full, np.sin(pitch) / full, np.degrees(self.yaw_radps) / STICK_YAW_DPS]
-        switches = (ROTORS_ON if flying else 0) * ~self.landed
+        (roll, pitch), course, now_s = self.lean_rad, self.course, self.time_s
+        yaw = np.degrees(self.yaw_radps) / STICK_YAW_DPS
+        sticks = [sine(roll) * cosine(pitch) / STICK_LEAN, sine(pitch) / STICK_LEAN, yaw]
+        switches = (ROTORS_ON if flying else 0) * (self._landed_s + course.keeps_on_s > now_s)
         if self.rate_dps is not None:
             x, y, z = self.rate_dps
             shape = np.ones(self.runs)
@@ -199,10 +241,12 @@ class Vehicles:
         words = [np.rint(np.clip(one, -1.0, 1.0) * FULL_Q15) for one in sticks]
         zero = np.zeros(self.runs)
         self._commands = np.stack([*words, switches + zero, zero + number, zero], 1).astype(np.int16)
-        share = command_for(self.thrust_n / (self.frame.thrust_max_n * self.course.supply)) if flying else zero
-        self._throttle = np.where(
-            self.landed | (self.time_s >= self.course.cut_s), 0, np.rint(share * FULL_Q15)
-        ).astype(np.int32)
+        share = command_for(self.thrust_n / (self.frame.thrust_max_n * course.supply)) if flying else zero
+        given = course.lasting(courses.THROTTLE, now_s)
+        if given is not None:
+            share = zero + given.size
+        low = self.landed | (course.lasting(courses.CUT, now_s) is not None)
+        self._throttle = np.where(low, 0, np.rint(share * FULL_Q15)).astype(np.int32)
 
     def _ideal_command(self) -> FloatArray:
         """The commands of a float controller that knows the truth."""
