@@ -161,9 +161,13 @@ int16_t bridge_hall_count(void) {
     return (int16_t)(uint16_t)hall_edges;
 }
 
+bool bridge_on(void) {
+    return USED_BRIDGE && (RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0u && (TIM1_BDTR & TIM1_BDTR_MOE) != 0u;
+}
+
 /* Reads no memory: the fault handler calls it, too. */
 void bridge_off(void) {
-    if (USED_BRIDGE && (RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0u) {
+    if (bridge_on()) {
         TIM1_BDTR &= ~TIM1_BDTR_MOE;
     }
 }

@@ -3,6 +3,7 @@
 #ifndef PLUMB_STM32F103_BRIDGE_H
 #define PLUMB_STM32F103_BRIDGE_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 /* Set up the timer with the bridge off and all gates driven low. Call after systick_init(), before the pins
@@ -23,6 +24,9 @@ uint32_t bridge_faults(void);
 
 /* Clear those faults whose cause is gone. */
 void bridge_clear_faults(void);
+
+/* True while the timer may drive the gates. Reads no memory. */
+bool bridge_on(void);
 
 /* Edges of the Hall sensors, forward minus backward, modulo 2^16. */
 int16_t bridge_hall_count(void);

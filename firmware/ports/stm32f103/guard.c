@@ -20,6 +20,10 @@ void guard_clock_upset(void) {
     clock_upset = true;
 }
 
+void guard_outputs_upset(void) {
+    found = UPSET;
+}
+
 bool board_memory_intact(void) {
     const bool intact =
         !clock_upset && (state == RELEASED ||

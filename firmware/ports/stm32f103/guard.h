@@ -7,6 +7,9 @@
 /* BOARD_FAULT_UPSET, or 0. */
 uint32_t guard_faults(void);
 
+/* Report that an output drove although nothing was armed. */
+void guard_outputs_upset(void);
+
 /* Report that the clock has gone backwards: the next board_memory_intact() returns false. */
 void guard_clock_upset(void);
 

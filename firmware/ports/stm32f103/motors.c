@@ -97,6 +97,10 @@ void motors_arm(void) {
     __asm volatile("cpsie i" ::: "memory");
 }
 
+bool motors_on(void) {
+    return drives() && (TIM1_BDTR & TIM1_BDTR_MOE) != 0u;
+}
+
 void motors_off(void) {
     if (drives()) {
         TIM1_BDTR &= ~TIM1_BDTR_MOE;

@@ -4,6 +4,7 @@
 #ifndef PLUMB_STM32F103_MOTORS_H
 #define PLUMB_STM32F103_MOTORS_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 /* Set up the timer with both motors off. Call before the pins become outputs. */
@@ -11,6 +12,9 @@ void motors_init(void);
 
 /* Switch the motors on, at duty 0. */
 void motors_arm(void);
+
+/* True while the timer may drive the motors. Reads no memory. */
+bool motors_on(void);
 
 /* PWM and directions low. Reads no memory, so the fault handler may call it; else call it with interrupts
  * masked: it changes pin modes that the recovery of I2C shares a register with. */

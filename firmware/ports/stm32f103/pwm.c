@@ -194,6 +194,21 @@ void board_actuator_neutral(void) {
     stall_watch(false);
 }
 
+static bool turns(uint32_t timer, uint32_t count) {
+    bool drives = false;
+    for (uint32_t i = 0u; i < count; i++) {
+        drives = drives || PULSE_CCR(timer, i) > ESC_OFF_MAX_HALFUS;
+    }
+    return drives;
+}
+
+/* The pulses by their bound, not by neutral_halfus, which changes before the registers do. */
+bool pwm_astray(void) {
+    return !stall_watches() && ((drives_pair() && turns(TIM4_BASE, BOARD_ACTUATORS)) ||
+                                (drives_rotors() && turns(TIM2_BASE, BOARD_ROTORS)) ||
+                                (USED_WHEELS && motors_on()) || bridge_on());
+}
+
 void board_clear_actuator_faults(void) {
     bridge_clear_faults();
     if (USED_WHEELS) {

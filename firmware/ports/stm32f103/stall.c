@@ -31,6 +31,10 @@ void stall_watch(bool driving) {
     watched = driving ? DRIVING : AT_REST;
 }
 
+bool stall_watches(void) {
+    return watched != AT_REST;
+}
+
 bool stall_latched(void) {
     return state != TURNING;
 }

@@ -13,6 +13,9 @@ void stall_watch(bool driving);
 /* True after the loop stalled: nothing may move until stall_clear(). */
 bool stall_latched(void);
 
+/* True while the outputs may be away from neutral. */
+bool stall_watches(void);
+
 /* Call at the start of a run. */
 void stall_clear(void);
 

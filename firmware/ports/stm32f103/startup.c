@@ -9,10 +9,12 @@
 #include "bxcan.h"
 #include "faults.h"
 #include "generated/used_parts.h"
+#include "guard.h"
 #include "i2c.h"
 #include "imu.h"
 #include "linker.h"
 #include "ppm_capture.h"
+#include "pwm.h"
 #include "receiver_uart.h"
 #include "sampling.h"
 #include "spi.h"
@@ -30,7 +32,11 @@ void reset_handler(void);
  * PendSV, at the priority of the other handlers. */
 static void systick_handler(void) {
     systick_count();
-    if (stall_tick()) {
+    const bool astray = pwm_astray();
+    if (astray) {
+        guard_outputs_upset();
+    }
+    if (stall_tick() || astray) {
         board_actuator_neutral();
     }
     faults_check_stack();

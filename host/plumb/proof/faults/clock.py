@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from plumb.f103.peripherals.tim import CEN, UG
+from plumb.link import parameter_table
 from plumb.proof.faults.fault import Fault
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import ESTIMATE, Scene
+from plumb.spec.parameter_file import by_name
 
 CRYSTAL, FALLBACK, LATE = 1 << 12, 1 << 8, 1 << 1
 BY_FAULT = Told("EVENTS", "disarm_cause", 1 << 3)
@@ -14,6 +16,7 @@ NO_STEP = Told("STATUS", "faults", LATE)
 CHIPS = frozenset({"chips"})
 ESTIMATES = frozenset({"chips", ESTIMATE})
 STALL_S = 0.1
+LONG_PERIOD_US, LOOK_US = 20_000, 100
 SETTLED_S = 0.2
 """Time after disarming in which the board sends the reports about it."""
 
@@ -52,6 +55,20 @@ def core_stands_still(scene: Scene) -> None:
     scene.machine.flash.stall(STALL_S)
 
 
+def begun_with_a_long_period(scene: Scene) -> None:
+    """Another run, with a step every 20 ms, until one has just begun."""
+    scene.session.end()
+    table = by_name(parameter_table.read_table(scene.session))
+    parameter_table.commit(scene.session, {**table, "period_us": LONG_PERIOD_US})
+    scene.session.begin("REALTIME_LIVE", frames=scene.live.FRAMES)
+    scene.run(SETTLED_S)
+    timer = scene.machine.tim3
+    before = timer.count(scene.machine.now)
+    while (now := timer.count(scene.machine.now)) >= before:
+        before = now
+        scene.machine.advance_us(LOOK_US)
+
+
 FAULTS = (
     Fault("crystal-fails", "clock", "the crystal stops", crystal_fails, "clock",
           (Told("IDENTITY", "FAULTS", CRYSTAL), Told("IDENTITY", "FAULTS", FALLBACK))),
@@ -61,6 +78,9 @@ FAULTS = (
           steps_stop, "steps", (NO_STEP,), prepare=disarmed),
     Fault("steps-stop-before-arming", "clock", "the timer that paces the steps stands still from the begin of a run on",
           steps_stop, "steps", (NO_STEP,), prepare=begun_anew),
+    Fault("steps-stop-after-a-long-period", "clock", "the timer that paces the steps stands still behind a step, with a"
+          " step every 20 ms, and nothing is armed", steps_stop, "overdue", (NO_STEP,),
+          prepare=begun_with_a_long_period),
     Fault("estimate-steps-stop", "clock", "the timer that paces the steps stands still, and nothing is armed",
           steps_stop, "steps", (NO_STEP,), ESTIMATES),
     Fault("steps-too-fast", "clock", "the timer that paces the steps ticks every 50 us", steps_too_fast, "late",

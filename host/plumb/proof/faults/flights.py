@@ -106,7 +106,7 @@ FAULTS = (
           disarms_with_a_nonce, "command", (BY_COMMAND,), needs=FLOWN, link=RECEIVER),
     Fault("flown-switched-off", "flights", "the pilot switches the rotors off", says((0.3, False)), "pilot",
           (BY_SWITCH,), needs=FLOWN, link=RECEIVER, phases=True),
-    Fault("flown-receiver-silent", "flights", "no frame of the receiver comes, in the air", says(None), "receiver",
+    Fault("flown-receiver-silent", "flights", "no frame of the receiver comes, on the stand", says(None), "receiver",
           (BY_STEP, RECEIVER_LOST), needs=FLOWN, link=RECEIVER, phases=True),
     Fault("flown-link-quality-0", "flights", "the receiver sends its last frames and a link quality of 0",
           sends_also(crsf.statistics(0)), "receiver", (BY_STEP, RECEIVER_LOST), needs=FLOWN, link=RECEIVER),

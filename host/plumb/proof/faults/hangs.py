@@ -25,7 +25,7 @@ first neutral began a frame 2.1 ms behind a tick, so that frames end 0.1 or 0.6 
 pauses have one of the latter."""
 IRQS = {
     "adc-dma": 11, "spi-dma": 12, "uart-tx-dma": 14, "uart-rx-dma": 15, "i2c-dma": 17, "can-tx": 19, "can-rx0": 20,
-    "hall": 28, "steps": 29, "i2c-events": 31, "i2c-errors": 32, "uart": 37,
+    "pulse-train": 27, "hall": 28, "steps": 29, "i2c-events": 31, "i2c-errors": 32, "uart": 37, "receiver": 39,
 }  # fmt: skip
 """Interrupts that an image enables, whose handlers may hang, by what raises them (RM0008 table 63)."""
 

@@ -1,24 +1,33 @@
-"""Damaged memory that the check of memory does not find: the values in the pulse registers must stay within their
-bounds.
+"""Damage that the check of memory does not find: the values in the pulse registers must stay within their bounds, and
+none may drive while nothing is armed.
 
-All these rows switch the check of guarded memory off, so that only the bounds behind it can act.
+The rows of bounds switch the check of guarded memory off, so that only the bounds behind it can act.
 """
 
 from __future__ import annotations
 
+from plumb.f103.peripherals.tim import UG
+from plumb.f103.peripherals.tim1 import LOW_PINS, MOE
 from plumb.proof.faults import core
+from plumb.proof.faults.clock import disarmed
 from plumb.proof.faults.fault import Fault
 from plumb.proof.faults.host import COMMAND, disarms
+from plumb.proof.faults.memory import UPSET
 from plumb.proof.faults.outputs import PROGRAM
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import Scene
-from plumb.spec import images, parameters
+from plumb.spec import declarations, images, parameters
 
 ESC = frozenset({"esc"})
 LONGEST_HALFUS = 16383
 DRIVING_HALFUS = 4000
 SHORT_FRAME = 4080 - 1
 """Reload value of the timer for the shortest frame, in which the longest pulse does not fit."""
+OUTPUTS = {"PULSES": 2, "ROTORS": 4}
+"""Pulses of a system, by its output."""
+VARIANTS = max(OUTPUTS.values())
+ALTERNATE = 0x9
+"""Mode of a pin: output of a timer."""
 ARMED = Told("STATUS", "armed", value=1)
 BY_COMMAND = Told("EVENTS", "disarm_cause", COMMAND)
 
@@ -63,6 +72,29 @@ def frame_wild(scene: Scene) -> None:
     scene.session.begin("REALTIME_LIVE")
 
 
+def disarmed_for_a_while(scene: Scene) -> None:
+    """Another part of a tick later in each variant."""
+    disarmed(scene)
+    scene.machine.advance_us(scene.variant * 1000 / VARIANTS)
+
+
+def outputs_drive(scene: Scene) -> None:
+    """Stray writes: one pulse, another one in each variant, is that of a motor that turns, and a frame begins; the main
+    output enable of a bridge is set, and of the motors of two wheels with it pin and duty of the left one."""
+    output, tim1 = declarations.system(scene.name).output, scene.machine.tim1
+    if output in ("BRIDGE", "WHEELS"):
+        if output == "WHEELS":
+            pins = scene.machine.port(LOW_PINS[1])
+            pins.write_crh(pins.crh & ~(0xF << 24) | ALTERNATE << 24)
+            tim1.write_ccr2(tim1.arr // 2)
+            tim1.write_egr(UG)
+        tim1.write_bdtr(tim1.bdtr | MOE)
+    else:
+        timer = scene.pulses.timer
+        getattr(timer, f"write_ccr{scene.variant % OUTPUTS[output] + 1}")(DRIVING_HALFUS)
+        timer.write_egr(UG)
+
+
 FAULTS = (
     Fault("pulses-wild", "memory", "the system computes pulses far out of their bounds", pulses_wild, "bounded",
           (ARMED,), ESC, moves_on=True, variants=3),
@@ -70,4 +102,6 @@ FAULTS = (
           "command", (BY_COMMAND,), ESC, variants=2, by=PROGRAM),
     Fault("frame-wild", "memory", "a run begins with frames of pulses far out of their bounds", frame_wild, "command",
           (BY_COMMAND,), ESC, variants=2, by=PROGRAM),
+    Fault("outputs-drive-disarmed", "memory", "a stray write lets an output drive, and nothing is armed", outputs_drive,
+          "astray", (Told("STATUS", "faults", UPSET),), prepare=disarmed_for_a_while, variants=VARIANTS, by=PROGRAM),
 )  # fmt: skip

@@ -20,6 +20,7 @@ from plumb.proof.faults import (
     registers,
     samples,
     sensors,
+    takeoffs,
 )
 from plumb.proof.faults.fault import Fault
 from plumb.systems.contracts import PINS, AnalogPins
@@ -29,7 +30,7 @@ FAULTS: tuple[Fault, ...] = (
     *sensors.FAULTS, *buses.FAULTS, *clock.FAULTS, *power.FAULTS, *memory.FAULTS, *registers.FAULTS,
     *host.FAULTS,
     *armings.FAULTS, *samples.FAULTS, *frames.FAULTS, *hangs.FAULTS,
-    *flights.FAULTS,
+    *flights.FAULTS, *takeoffs.FAULTS,
 )  # fmt: skip
 
 
