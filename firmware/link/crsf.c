@@ -49,23 +49,28 @@ static void drop(crsf_t *c, size_t count) {
     memmove(c->bytes, &c->bytes[count], c->length);
 }
 
-/* A whole frame of another kind is dropped as a whole: what its payload looks like is no frame. */
-crsf_event_t crsf_push(crsf_t *c, uint8_t byte) {
-    /* Damaged memory: no check word covers it, so it must write nowhere else. */
+/* Drops what was found, or everything when memory was damaged: no check word covers it, so it must write
+ * nowhere else. */
+static void go_on(crsf_t *c) {
     if (c->used > c->length || c->length - c->used >= (int)CRSF_FRAME_BYTES || c->length > CRSF_FRAME_BYTES) {
         c->length = c->used = 0;
     }
     drop(c, c->used);
     c->used = 0;
-    c->bytes[c->length++] = byte;
+}
+
+/* Finds the next frame. A whole frame of another kind is dropped as a whole: what its payload looks like is
+ * no frame. What is not whole yet is awaited, or after a pause none. */
+static crsf_event_t search(crsf_t *c, bool paused) {
     while (c->length > 0U) {
         const uint8_t whole = (uint8_t)(c->bytes[1] + AROUND);
+        const bool begun = c->length < HEADER || c->length < whole;
 
-        if (!may_be_frame(c)) {
+        if (!may_be_frame(c) || (begun && paused)) {
             drop(c, 1U);
             continue;
         }
-        if (c->length < HEADER || c->length < whole) {
+        if (begun) {
             return CRSF_NOTHING;
         }
         const bool agrees = crc8(&c->bytes[AROUND], whole - HEADER) == c->bytes[whole - 1U];
@@ -78,6 +83,17 @@ crsf_event_t crsf_push(crsf_t *c, uint8_t byte) {
         drop(c, agrees ? whole : 1U);
     }
     return CRSF_NOTHING;
+}
+
+crsf_event_t crsf_push(crsf_t *c, uint8_t byte) {
+    go_on(c);
+    c->bytes[c->length++] = byte;
+    return search(c, false);
+}
+
+crsf_event_t crsf_pause(crsf_t *c) {
+    go_on(c);
+    return search(c, true);
 }
 
 uint16_t crsf_channel(const crsf_t *c, unsigned channel) {

@@ -47,7 +47,9 @@ static void follow_gesture(receiver_t *r, uint32_t now_us) {
     const int32_t left = r->words[WORD_YAW];
     const bool asked = receiver_rotors_on(r) ? left >= GESTURE_YAW : left <= -GESTURE_YAW;
 
-    if (!asked || r->throttle_q15 > GESTURE_LOW || now_us - r->heard_us > RECEIVER_SILENCE_US) {
+    const bool anew = r->silent || now_us - r->heard_us > RECEIVER_SILENCE_US;
+
+    if (!asked || r->throttle_q15 > GESTURE_LOW || anew) {
         r->gesture_us = now_us;
     } else if (now_us - r->gesture_us >= RECEIVER_GESTURE_US) {
         r->gesture_us = now_us;
@@ -102,25 +104,40 @@ bool receiver_heard(receiver_t *r, uint32_t now_us) {
         return true;
     }
     r->off = 0;
+    if (!receiver_rotors_on(r)) {
+        r->equal[0] = 0; /* on again needs as many frames as ever; off counts those on either side of a gap */
+    }
     return false;
 }
 
-void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count, uint32_t now_us) {
+/* Handle what has come, if it is a frame. */
+static void take_event(receiver_t *r, const crsf_t *c, crsf_event_t event, uint32_t now_us) {
     int16_t channels[USED];
 
+    switch (event) {
+    case CRSF_STICKS:
+        for (unsigned k = 0; k < USED; k++) {
+            channels[k] = (int16_t)crsf_channel(c, k);
+        }
+        take_frame(r, channels, now_us);
+        break;
+    case CRSF_STATISTICS:
+        r->lost = crsf_link_quality(c) == 0U;
+        break;
+    case CRSF_NOTHING:
+        break;
+    }
+}
+
+void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count, uint32_t now_us) {
     for (size_t i = 0; i < count; i++) {
-        switch (crsf_push(c, bytes[i])) {
-        case CRSF_STICKS:
-            for (unsigned k = 0; k < USED; k++) {
-                channels[k] = (int16_t)crsf_channel(c, k);
-            }
-            take_frame(r, channels, now_us);
-            break;
-        case CRSF_STATISTICS:
-            r->lost = crsf_link_quality(c) == 0U;
-            break;
-        case CRSF_NOTHING:
-            break;
+        take_event(r, c, crsf_push(c, bytes[i]), now_us);
+        r->byte_us = now_us;
+    }
+    /* Else what a false length holds back would count as new with the bytes that come next, however late. */
+    if (now_us - r->byte_us > RECEIVER_PAUSE_US) {
+        for (crsf_event_t event = crsf_pause(c); event != CRSF_NOTHING; event = crsf_pause(c)) {
+            take_event(r, c, event, now_us);
         }
     }
 }

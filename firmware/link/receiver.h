@@ -9,7 +9,8 @@
  *
  * A stick from 172 over 992 to 1811 is -32767 over 0 to 32767, the throttle from 172 to 1811 is 0 to 32767;
  * beyond that they stay at the end. A switch turns on above 1192 and off below 792; in between it stays. A
- * change counts after it was asked for by RECEIVER_EQUAL frames in a row.
+ * change counts after it was asked for by RECEIVER_EQUAL frames in a row; the rotors turn on by frames
+ * without a time in between in which the receiver was lost.
  *
  * The commands are those that a system with `command_source = "receiver"` declares first. While the link
  * quality is 0, frames count as missing, and sticks and switches stay as they are: what a receiver makes up
@@ -41,6 +42,7 @@
 #define RECEIVER_LOST_US 950U /* throttle of a pulse train below which the receiver says that it is lost */
 
 #define RECEIVER_SILENCE_US 100000U  /* without a frame for so long it is lost */
+#define RECEIVER_PAUSE_US   5000U    /* without a byte for so long no frame is under way */
 #define RECEIVER_GESTURE_US 1000000U /* that sticks are held to switch the rotors */
 
 /* Zero at the start: no frame has come yet. */
@@ -53,11 +55,13 @@ typedef struct {
     bool lost;           /* the link quality is 0 */
     bool silent;         /* no frame for RECEIVER_SILENCE_US */
     bool by_sticks;      /* the caller's choice: the sticks switch the rotors */
+    uint32_t byte_us;    /* when the newest bytes came */
     uint32_t heard_us;   /* when the newest frame of channels came */
     uint32_t gesture_us; /* since when the sticks ask for the other position */
 } receiver_t;
 
-/* Handle bytes of the line, which came until now. */
+/* Handle bytes of the line, which came until now. Call on every turn of the loop, with none, too: it sees the
+ * pause. */
 void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count, uint32_t now_us);
 
 /* Handle a frame of a pulse train, which has ended now. */

@@ -13,6 +13,13 @@ typedef struct {
     int32_t channels[CRSF_CHANNELS], link_quality;
 } receiver_row_t;
 
+/* What the receiver is after a turn of the loop. */
+typedef struct {
+    int32_t heard, on, off, lost,
+        number; /* receiver_heard(), _rotors_on(), _rotors_off(), and of receiver_t */
+    int32_t throttle_q15, words[RECEIVER_WORDS];
+} receiver_turn_t;
+
 size_t frames_parse(const uint8_t *bytes, size_t count, uint8_t *frames, uint32_t *bad);
 uint8_t frames_crc8(uint16_t id, uint8_t dlc, const uint8_t data[8]);
 uint16_t table_unsafe(const uint32_t words[PARAMS_COUNT]);
@@ -22,6 +29,8 @@ uint32_t injected_first_doubt(const uint32_t words[PARAMS_COUNT], const int16_t 
 size_t receiver_follow(const uint8_t *bytes, size_t count, receiver_row_t *rows);
 size_t crsf_after_damage(uint8_t length, uint8_t used, const uint8_t *bytes, size_t count, uint32_t *harmed);
 size_t pulses_follow(const uint32_t *edges_us, size_t count, uint32_t turn_us, receiver_row_t *rows);
+void receiver_turns(const uint8_t *bytes, const uint64_t *after_us, size_t count, uint32_t begin_us,
+                    uint32_t turn_us, uint32_t by_sticks, receiver_turn_t *rows, size_t turns);
 
 /* Memory is not checked here. */
 void board_parameters_seal(void) {}
@@ -162,4 +171,35 @@ size_t crsf_after_damage(uint8_t length, uint8_t used, const uint8_t *bytes, siz
         *harmed += memory.behind[i] != 0xA5U;
     }
     return found;
+}
+
+/* A row for each turn of a loop that begins at begin_us by the board's clock and comes round every turn_us.
+ * after_us: when each byte has passed, since then. */
+void receiver_turns(const uint8_t *bytes, const uint64_t *after_us, size_t count, uint32_t begin_us,
+                    uint32_t turn_us, uint32_t by_sticks, receiver_turn_t *rows, size_t turns) {
+    receiver_t r = {.by_sticks = by_sticks != 0U};
+    crsf_t c = {0};
+    size_t from = 0;
+
+    for (size_t turn = 0; turn < turns; turn++) {
+        const uint64_t past_us = (uint64_t)turn * turn_us;
+        const uint32_t now_us = (uint32_t)(begin_us + past_us);
+        size_t to = from;
+
+        while (to < count && after_us[to] <= past_us) {
+            to++;
+        }
+        receiver_push(&r, &c, &bytes[from], to - from, now_us);
+        from = to;
+        receiver_turn_t *const row = &rows[turn];
+        *row = (receiver_turn_t){.heard = receiver_heard(&r, now_us),
+                                 .on = receiver_rotors_on(&r),
+                                 .off = receiver_rotors_off(&r),
+                                 .lost = r.lost,
+                                 .number = r.number,
+                                 .throttle_q15 = r.throttle_q15};
+        for (unsigned k = 0; k < RECEIVER_WORDS; k++) {
+            row->words[k] = r.words[k];
+        }
+    }
 }
