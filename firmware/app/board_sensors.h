@@ -47,7 +47,8 @@ typedef enum {
     BOARD_SENSOR_BUS,       /* the bus hangs, or an access took too long */
     BOARD_SENSOR_IDENTITY,  /* another chip answers, or its settings do not read back */
     BOARD_SENSOR_SILENT,    /* it has no data */
-    BOARD_SENSOR_STUCK      /* its data do not change */
+    BOARD_SENSOR_STUCK,     /* its data do not change, on one axis or on all */
+    BOARD_SENSOR_RAIL       /* an axis is at its limit, for 20 ms or again and again */
 } board_sensor_cause_t;
 
 typedef struct {

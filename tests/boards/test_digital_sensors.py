@@ -71,8 +71,9 @@ def test_every_period_has_the_newest_sample_of_both_chips(digital: DigitalBench)
     assert raw[:, 0].tolist() == [counts[1] for *_, counts in rates[:50]]
     assert raw[:, 1].tolist() == [counts[0] for *_, counts in tilts[:50]]
     assert raw[:, 2].tolist() == [counts[2] for *_, counts in tilts[:50]]
-    for rows, period_s, slack_us in ((rates, 1 / 1000, 3), (tilts, 1 / 200, 3)):
-        assert max(abs(b[0] - a[0] - PERIOD_US * 1e-6) for a, b in pairwise(rows)) < slack_us * 1e-6
+    for rows, period_s in ((rates, 1 / 1000), (tilts, 1 / 200)):
+        apart_s = [b[0] - a[0] - PERIOD_US * 1e-6 for a, b in pairwise(rows)]
+        assert max(map(abs, apart_s)) < 8e-6, "the check of the last counts runs beside the bus"
         assert max(at_s - sampled_s for at_s, _, sampled_s, _ in rows) < period_s + 1e-3
     assert digital.machine.warnings == []
 
@@ -97,17 +98,20 @@ def test_the_rate_is_about_the_axle_and_the_accelerations_across_it(
 
 
 def test_a_sample_is_complete_soon_after_its_tick(digital: DigitalBench) -> None:
-    """Within 0.44 ms where both chips are on I2C, 0.24 ms with the accelerometer on SPI."""
-    machine = digital.machine
+    """Within 0.45 ms where both chips are on I2C, 0.25 ms with the accelerometer on SPI. Behind every second one a
+    setting is read again, in 0.1 ms."""
+    machine, taken_us = digital.machine, []
     digital.run(digital.begin(), 0.05)
-    for _ in range(5):
+    for _ in range(6):
         machine.advance_us(PERIOD_US - machine.tim3.count(machine.now) + 1)  # just begun
         busy_us = 0.0
         for _ in range(100):
             machine.advance_us(5)
             if machine.i2c1.phase != "idle" or machine.spi1.shifting is not None:
                 busy_us = machine.tim3.count(machine.now)
-        assert busy_us <= (240 if machine.spi1.devices else 440)
+        taken_us.append(busy_us)
+    sample_us = 250 if machine.spi1.devices else 450
+    assert sum(taken <= sample_us for taken in taken_us) >= 3 and max(taken_us) <= sample_us + 110
 
 
 @pytest.mark.slow

@@ -292,8 +292,8 @@ def test_a_flood_of_bytes_does_not_make_the_loop_late(stream: str) -> None:
 
 
 def test_no_handler_keeps_a_byte_waiting_until_the_next_one_comes() -> None:
-    """A byte waits in the data register for 24 us. Handlers of the same priority, or of a higher one, take 12.7 us at
-    the most: the end of a transfer from the sensors, with the check of their counts."""
+    """A byte waits in the data register for 24 us. Handlers of the same priority, or of a higher one, take 16 us at
+    the most: the end of a transfer from the sensors. Their counts are checked when the next sample begins."""
     flight = virtual()
     machine = flight.board
     flight.begin()

@@ -4,7 +4,6 @@ flash image: samples in time and in order, each fault by its name, neutral outpu
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import pytest
 
@@ -15,71 +14,10 @@ from plumb.f103.attached import mpu6050
 from plumb.f103.attached.adxl345 import Adxl345
 from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.attached.mpu6050 import Mpu6050
-from plumb.f103.machine import Machine
-from plumb.link.realtime import Capture
-from plumb.link.session import Session
-from plumb.spec.system import SENSORS
-from support.sensor_bench import (
-    DIGITAL,
-    DIGITAL_CONTROL,
-    PERIOD_US,
-    RECOVERY_S,
-    SELECT_PIN,
-    SENSOR,
-    STEPS_MISSED,
-    Bench,
-    bench_as_made,
-    boot_sampling,
-    image,
-    world,
-)
+from support.sensor_bench import DIGITAL, PERIOD_US, RECOVERY_S, SENSOR, STEPS_MISSED
+from support.six_axes import IN_GYRO, ON_I2C, ON_SPI, Six, made, six
 
-SIX_AXES = SENSORS.index("SIX_AXES")
-ON_I2C, ON_SPI, IN_GYRO = 0, 1, 2
-"""Values of the parameter accel_bus."""
-RATES, FORCES = ((1.0, 0.0, 16.0), 0.4), ((0.1, 0.2, 0.95), 0.004)
-"""Means and noise. The system under test takes rates for accelerations: 16 deg/s is about its 1 g."""
 ANOTHER = "another chip answers, or it did not take its settings"
-
-
-@dataclass(kw_only=True)
-class Six(Bench):
-    """chips: of the gyro, then of the accelerometer; the same one twice where one has both."""
-
-    chips: tuple[Itg3205 | Mpu6050, Adxl345 | Mpu6050]
-    bus: int
-
-    def begin(self, **words: int) -> Capture:
-        return super().begin(**{"accel_bus": self.bus, **words})
-
-    @property
-    def mpu(self) -> Mpu6050:
-        chip = self.chips[0]
-        assert isinstance(chip, Mpu6050)
-        return chip
-
-
-def made(bus: int, kind: int = SIX_AXES, machine: Machine | None = None) -> Six:
-    machine = machine or image()
-    rates, forces = world(*RATES, 1), world(*FORCES, 2)
-    chips: tuple[Itg3205 | Mpu6050, Adxl345 | Mpu6050]
-    if bus == IN_GYRO:
-        both = Mpu6050(machine, rates, forces)
-        chips = both, both
-    else:
-        chips = Itg3205(machine, rates), Adxl345(machine, forces)
-    machine.i2c_bus.slaves.append(chips[0])
-    if isinstance(chips[1], Adxl345):
-        if bus == ON_SPI:
-            machine.spi1.devices[SELECT_PIN] = chips[1]
-        else:
-            machine.i2c_bus.slaves.append(chips[1])
-    boot_sampling(machine, kind)
-    return Six(machine, Session.open(machine.uart), chips=chips, bus=bus, control=DIGITAL_CONTROL)
-
-
-def six(bus: int) -> Six:
-    return bench_as_made(f"six axes {bus}", lambda: made(bus))
 
 
 @pytest.fixture
@@ -137,16 +75,18 @@ def test_one_chip_is_set_to_2000_deg_per_s_and_16_g(mpu: Six) -> None:
 
 
 def test_a_sample_of_one_chip_is_complete_half_a_millisecond_after_its_tick(mpu: Six) -> None:
-    machine = mpu.machine
+    """Behind every second one a setting is read again, in 0.1 ms."""
+    machine, taken_us = mpu.machine, []
     mpu.run(mpu.begin(), 0.05)
-    for _ in range(5):
+    for _ in range(6):
         machine.advance_us(PERIOD_US - machine.tim3.count(machine.now) + 1)
         busy_us = 0.0
         for _ in range(120):
             machine.advance_us(5)
             if machine.i2c1.phase != "idle":
                 busy_us = machine.tim3.count(machine.now)
-        assert 300 < busy_us <= 500
+        taken_us.append(busy_us)
+    assert sum(300 < taken <= 500 for taken in taken_us) >= 3 and max(taken_us) <= 500 + 110
 
 
 @pytest.mark.slow

@@ -1,39 +1,41 @@
 /* Gyro and accelerometer on I2C and SPI, in two chips or one: finds them, sets them up, reads both once a
- * period, and finds a lost one again.
+ * period, reads their settings again in turn, and finds a lost one again.
  *
  * Everything here runs in interrupts of one priority: imu_period() once a period, imu_poll_ms() every
  * millisecond, imu_transferred() at the end of an access. One access is under way at a time; imu_poll_ms()
  * aborts one that takes longer than 2 ms. A failed access is tried three times; then the sensor is lost, the
- * bus is cleared, and the sensor is set up anew every 20 ms. Without both sensors there is no sample, and
- * so no tick; but once there was one, a system that marks what is missing gets counts of INT16_MIN for all,
- * or for the accelerations when the gyro is good. */
+ * bus is cleared, and the sensor is set up anew: a gyro at once and every millisecond, because a vehicle
+ * flies without it for 50 ms, an accelerometer every 20 ms, because that keeps the bus from the gyro.
+ * Without both sensors there is no sample, and so no tick; but once there was one, a system that marks what
+ * is missing gets counts of INT16_MIN for all, or for the accelerations when the gyro is good. Counts that
+ * are not to be trusted (imu_counts.h) are missing, too. */
 #include "imu.h"
-#include "bridge.h"
 #include "generated/used_parts.h"
-#include "ride.h"
+#include "imu_counts.h"
 #include "samples.h"
 #include "spi.h"
+#include <stddef.h>
 
-#define GYRO      0u
-#define ACCEL     1u
-#define SENSORS   2u
 #define TRIES     3u
 #define ACCESS_MS 2u   /* reading 14 bytes takes 0.4 ms at 400 kHz */
-#define RETRY_MS  20u  /* from the loss of a sensor to the next set-up */
+#define RETRY_MS  20u  /* from the loss of an accelerometer to the next set-up */
 #define AWAIT_MS  200u /* for the first sample: the accelerometer's slowest rate is 6.25 Hz */
 #define SPI_READ  0x80u
 #define SPI_MANY  0x40u
-#define AXIS_LAST 2u
 
-typedef enum { OFF, RECOVER, REST, SET_UP, SAMPLE } phase_t;
+/* One setting is read again behind a sample. Four of each of two chips take 160 ms with periods of 20 ms. A
+ * sample and a setting take 0.6 ms. */
+#define CHECK_US            10000u
+#define CHECK_PERIOD_MIN_US 1000u
+
+typedef enum { OFF, RECOVER, REST, SET_UP, SAMPLE, CHECK } phase_t;
 
 typedef struct {
     uint8_t cause;      /* BOARD_SENSOR_*: why it is not trusted */
     bool up;            /* set up: it is read once a period */
-    uint8_t step;       /* of its chip's set-up */
+    uint8_t step;       /* of its chip's set-up; then the setting that was read again last */
     uint8_t wait_ms;    /* until the next set-up */
     uint8_t awaited_ms; /* how long CHIP_AWAIT has waited */
-    uint16_t same;      /* samples in a row that equal the one before on all axes, to the limit */
 } sensor_t;
 
 static const chip_t *const two_chips[SENSORS] = {&itg3205, &adxl345};
@@ -45,9 +47,12 @@ static uint32_t asked;                   /* bytes that the access reads; 0: it w
 static uint32_t age_ms, tries;           /* of the access */
 static uint16_t failures;                /* accesses that failed, modulo 2^16 */
 static uint8_t bytes[1u + IMU_DATA_MAX]; /* SPI: the command first */
-static int16_t axes[SENSORS][3];
-static uint32_t period_us; /* between two samples */
-static bool gave_six_axes; /* since imu_use() */
+static uint32_t period_us;               /* between two samples */
+static uint32_t checked_us;              /* since a setting was read again */
+static uint32_t checked;                 /* sensor of that setting */
+static bool gave_six_axes;               /* since imu_use() */
+static uint32_t unjudged;                /* sensors whose last counts are not judged yet, bit 0 is the gyro */
+static uint32_t stuck;                   /* sensors that are to be set up anew, because they are stuck */
 
 static bool on_spi(uint32_t sensor) {
     return sensor == ACCEL && use.accel_bus == BOARD_ACCEL_SPI;
@@ -79,21 +84,26 @@ static void transfer(uint8_t reg, uint32_t to_read) {
     }
 }
 
+/* What a step of the active sensor writes, or wants to read. */
+static uint8_t value_of(const chip_step_t *step) {
+    const uint32_t option = active == ACCEL ? use.accel_rate : use.gyro_filter;
+    return (uint8_t)(step->value | (step->action == CHIP_OPTION ? option : 0u));
+}
+
 static void access(void) {
     const chip_t *const chip = chip_of(active);
     const chip_step_t *const step = &chip->steps[sensors[active].step];
     if (phase == SAMPLE) {
         transfer(chip->data, chip->data_bytes);
-    } else if (step->action == CHIP_WRITE || step->action == CHIP_OPTION) {
-        const uint32_t option = active == ACCEL ? use.accel_rate : use.gyro_filter;
-        bytes[1] = (uint8_t)(step->value | (step->action == CHIP_OPTION ? option : 0u));
+    } else if (phase == SET_UP && (step->action == CHIP_WRITE || step->action == CHIP_OPTION)) {
+        bytes[1] = value_of(step);
         transfer(step->reg, 0u);
     } else {
         transfer(step->reg, 1u);
     }
 }
 
-/* Gives the active sensor up for this cause, until RETRY_MS have passed. */
+/* Gives the active sensor up for this cause, until it is set up anew. */
 static void lose(uint8_t cause) {
     sensor_t *const s = &sensors[active];
     s->cause = cause;
@@ -103,27 +113,26 @@ static void lose(uint8_t cause) {
     s->up = false;
     s->step = 0u;
     s->awaited_ms = 0u;
-    s->wait_ms = RETRY_MS;
+    unjudged = stuck = 0u;
+    s->wait_ms = active == GYRO ? 0u : RETRY_MS;
     tries = 0u;
     phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
 }
 
-/* True when the byte that was read is the one that the step of the set-up expects. */
+/* True when the byte that was read is the one that the step of the set-up expects; also when it wrote. */
 static bool as_wanted(const chip_t *chip, const chip_step_t *step) {
-    switch (step->action) {
-    case CHIP_CHECK:
-    case CHIP_AWAIT:
-        return (bytes[1] & step->mask) == step->value;
-    case CHIP_KNOWN:
-        for (uint32_t i = 0u; i < chip->identity_count; i++) {
-            if (chip->identities[i] == bytes[1]) {
-                return true;
-            }
-        }
-        return false;
-    default:
-        return true; /* it wrote */
+    if (asked == 0u) {
+        return true;
     }
+    if (step->action != CHIP_KNOWN) {
+        return ((bytes[1] ^ value_of(step)) & step->mask) == 0u;
+    }
+    for (uint32_t i = 0u; i < chip->identity_count; i++) {
+        if (chip->identities[i] == bytes[1]) {
+            return true;
+        }
+    }
+    return false;
 }
 
 /* After an access of the set-up: checks it, then starts the next one or loses the sensor. */
@@ -156,80 +165,80 @@ static void next_step(void) {
     }
 }
 
-/* Counts samples that equal the one before. True when there are so many that the sensor is stuck. */
-static bool stands_still(uint32_t sensor, bool changed) {
-    sensor_t *const s = &sensors[sensor];
+/* Limits of a sensor that stands still. */
+static const imu_still_t *still_of(uint32_t sensor) {
     const chip_t *const chip = chip_of(sensor);
     const uint32_t option = sensor == ACCEL && chip_count() > 1u ? use.accel_rate : use.gyro_filter;
-    const chip_stuck_t *const least = &chip->stuck[option - chip->option_first];
-    const uint32_t limit_us = 1000u * least->interval_ms * least->repeats;
-    const uint32_t samples = (limit_us + period_us - 1u) / period_us;
-    const uint32_t wanted = samples > least->repeats ? samples : least->repeats;
-    if (changed) {
-        s->same = 0u;
-    } else if (s->same < wanted) {
-        s->same++;
-    }
-    return use.stuck_ms != 0u && s->same >= wanted;
-}
-
-/* Stores the three axes of a sensor from the bytes at `place` of a sample. True when one has changed. */
-static bool store_axes(uint32_t sensor, uint32_t place) {
-    bool changed = false;
-    for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
-        const uint8_t *const at = &bytes[1u + place + 2u * axis];
-        const uint32_t first = at[0], second = at[1];
-        const uint32_t value = chip_of(sensor)->low_byte_first ? first | second << 8 : first << 8 | second;
-        changed = changed || axes[sensor][axis] != (int16_t)value;
-        axes[sensor][axis] = (int16_t)value;
-    }
-    return changed;
+    return &chip->still[sensor][option - chip->option_first];
 }
 
 static void store_sample(void) {
-    bool changed;
-    if (chip_count() == 1u) {
-        const bool felt = store_axes(ACCEL, 0u);
-        changed = store_axes(GYRO, mpu6050.gyro_at) || felt;
-        sensors[ACCEL].cause = stands_still(ACCEL, felt) ? BOARD_SENSOR_STUCK : BOARD_SENSOR_GOOD;
-    } else {
-        changed = store_axes(active, 0u);
+    const bool both = chip_count() == 1u;
+    imu_counts_take(active, chip_of(active), &bytes[1u + (both ? mpu6050.gyro_at : 0u)]);
+    if (both) {
+        imu_counts_take(ACCEL, &mpu6050, &bytes[1]);
     }
-    sensor_t *const s = &sensors[active];
-    if (stands_still(active, changed)) {
-        if (s->cause == BOARD_SENSOR_GOOD) {
-            lose(BOARD_SENSOR_STUCK); /* set up anew: after a dip of its supply a chip is asleep */
+    unjudged |= both ? 1u << GYRO | 1u << ACCEL : 1u << active;
+}
+
+/* Judges the counts of the last sample while the bus reads the next one: with both in one interrupt, a byte
+ * of the receiver would wait for too long. */
+static void judge_last(void) {
+    const bool both = chip_count() == 1u;
+    for (uint32_t sensor = 0u; sensor < SENSORS; sensor++) {
+        if ((unjudged >> sensor & 1u) == 0u) {
+            continue;
         }
-    } else if (changed) {
-        s->cause = BOARD_SENSOR_GOOD;
+        const imu_still_t *const beside = both && sensor == GYRO ? still_of(ACCEL) : NULL;
+        const uint8_t cause = imu_counts_judge(sensor, &use, still_of(sensor), beside, period_us);
+        if (cause == BOARD_SENSOR_STUCK && sensors[sensor].cause != cause && (!both || sensor == GYRO)) {
+            stuck |= 1u << sensor;
+        }
+        sensors[sensor].cause = cause;
     }
+    unjudged = 0u;
 }
 
 static void publish(void) {
-    int16_t *const raw = samples_next();
-    if (use.kind == BOARD_SENSORS_SIX_AXES) {
-        const bool marks = use.marks_missing != 0u;
-        const bool no_rate = marks && sensors[GYRO].cause != BOARD_SENSOR_GOOD;
-        const bool no_force = no_rate || (marks && sensors[ACCEL].cause != BOARD_SENSOR_GOOD);
-        for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
-            raw[axis] = no_rate ? INT16_MIN : axes[GYRO][axis];
-            raw[AXIS_LAST + 1u + axis] = no_force ? INT16_MIN : axes[ACCEL][axis];
-        }
-        gave_six_axes = true;
-    } else if (USED_WHEELS && use.kind == BOARD_SENSORS_RIDE) { /* x to the front, z up */
-        raw[0] = axes[GYRO][1];
-        raw[1] = axes[ACCEL][0];
-        raw[2] = axes[ACCEL][AXIS_LAST];
-        raw[3] = axes[GYRO][AXIS_LAST];
-        ride_read(&raw[4]);
-    } else { /* the rate about the wheels' axis, and the accelerations along the other two axes */
-        const uint32_t axis = use.imu_axis;
-        raw[0] = axes[GYRO][axis];
-        raw[1] = axes[ACCEL][axis == 0u ? 1u : 0u];
-        raw[2] = axes[ACCEL][axis == AXIS_LAST ? 1u : 2u];
-        raw[3] = bridge_hall_count();
+    const bool marks = use.marks_missing != 0u;
+    const bool no_rate = marks && sensors[GYRO].cause != BOARD_SENSOR_GOOD;
+    const bool no_force = no_rate || (marks && sensors[ACCEL].cause != BOARD_SENSOR_GOOD);
+    gave_six_axes = gave_six_axes || use.kind == BOARD_SENSORS_SIX_AXES;
+    imu_counts_publish(&use, no_rate, no_force);
+}
+
+/* Ends a sample; when it is time, reads the next setting again. Of each chip the settings lie between its
+ * identity, the first step, and its first sample, the last one. */
+static void check_in_turn(void) {
+    phase = REST;
+    checked_us += period_us;
+    if (checked_us < CHECK_US || period_us < CHECK_PERIOD_MIN_US) {
+        return;
     }
-    samples_publish();
+    checked_us = 0u;
+    checked = checked == GYRO && chip_count() > 1u && sensors[ACCEL].up ? ACCEL : GYRO;
+    active = checked;
+    const chip_t *const chip = chip_of(active);
+    uint8_t *const step = &sensors[active].step;
+    do {
+        *step = (uint8_t)(*step + 2u < chip->step_count ? *step + 1u : 1u);
+    } while (chip->steps[*step].mask == 0u);
+    phase = CHECK;
+    access();
+}
+
+/* After a setting was read again: three readings in a row that are wrong mean that it is lost. */
+static void end_check(void) {
+    const chip_t *const chip = chip_of(active);
+    phase = REST;
+    if (as_wanted(chip, &chip->steps[sensors[active].step])) {
+        tries = 0u;
+    } else if (++tries < TRIES) {
+        phase = CHECK;
+        access();
+    } else {
+        lose(BOARD_SENSOR_IDENTITY);
+    }
 }
 
 /* SPI has no acknowledge: when the chip is absent, the pull-up makes all bits 1. */
@@ -242,7 +251,7 @@ static bool line_was_idle(void) {
 }
 
 void imu_transferred(transfer_t result) {
-    if (!USED_DIGITAL || (phase != SET_UP && phase != SAMPLE)) {
+    if (!USED_DIGITAL || phase < SET_UP) {
         return;
     }
     if (result == TRANSFER_DONE && line_was_idle()) {
@@ -258,21 +267,27 @@ void imu_transferred(transfer_t result) {
         }
         return;
     }
+    if (phase == CHECK) {
+        end_check();
+        return;
+    }
     tries = 0u;
     if (phase == SET_UP) {
         next_step();
         return;
     }
     store_sample();
-    if (phase != SAMPLE) {
-        return; /* store_sample() found the sensor stuck */
-    }
     if (active == GYRO && chip_count() > 1u && sensors[ACCEL].up) {
         active = ACCEL;
         access();
     } else {
-        phase = REST;
         publish();
+        if (stuck != 0u) { /* after a dip of its supply a chip is asleep */
+            active = (stuck & 1u << GYRO) != 0u ? GYRO : ACCEL;
+            lose(BOARD_SENSOR_STUCK);
+        } else {
+            check_in_turn();
+        }
     }
 }
 
@@ -297,10 +312,13 @@ void imu_period(uint32_t length_us) {
     phase = SAMPLE;
     active = GYRO;
     access();
+    judge_last();
 }
 
+/* The sensor whose access was not the last one comes first. */
 static void start_one_of_the_lost(void) {
-    for (uint32_t i = 0u; i < chip_count(); i++) {
+    for (uint32_t n = 1u; n <= chip_count(); n++) {
+        const uint32_t i = (active + n) % chip_count();
         sensor_t *const s = &sensors[i];
         if (s->up) {
             continue;
@@ -330,6 +348,7 @@ void imu_poll_ms(void) {
         break;
     case SET_UP:
     case SAMPLE:
+    case CHECK:
         age_ms++;
         if (age_ms > ACCESS_MS) {
             failures++;
@@ -356,6 +375,8 @@ void imu_use(const board_sensors_t *wanted) {
     for (uint32_t i = 0u; i < SENSORS; i++) {
         sensors[i] = (sensor_t){.cause = used ? BOARD_SENSOR_STARTING : BOARD_SENSOR_GOOD};
     }
+    imu_counts_clear();
+    unjudged = stuck = 0u;
     tries = 0u;
     gave_six_axes = false;
     if (used) {

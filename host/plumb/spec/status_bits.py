@@ -106,5 +106,6 @@ SENSOR_STATES = {
     4: Bit("OTHER_CHIP", "another chip answers, or it did not take its settings"),
     5: Bit("NO_DATA", "has no data"),
     6: Bit("UNCHANGED", "its data do not change"),
+    7: Bit("AT_LIMIT", "is at its limit"),
 }
 """SENSORS.digital: values of the low byte, the gyro, and of the high byte, the accelerometer."""
