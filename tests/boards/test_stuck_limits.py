@@ -32,6 +32,10 @@ SHORTEST = 3
 MPU6050_GYRO_LSB, MPU6050_ACCEL_LSB_PER_RTHZ = 16.4 * 0.05, 2048 * 400e-6
 
 
+OPTIONS = {"adxl345": ADXL345_HZ, "itg3205": ITG3205_HZ, RATES: ITG3205_HZ, FORCES: ITG3205_HZ}
+"""Bandwidth or output rate in Hz, by option of each table."""
+
+
 def alike(sigma_lsb: float, samples: int) -> float:
     """Chance that so many samples in a row are equal, at the worst place between two codes."""
     codes = np.arange(-40, 42)
@@ -61,7 +65,10 @@ def table(chip: str) -> list[tuple[float, int, int]]:
     body = re.search(rf"imu_still_t {name or 'still'}\[\] = \{{(.*?)\n\}};", text, re.DOTALL)
     assert body
     rows = re.findall(r"\{(\d+)u, +(\d+)u, +(\d+)u\}", body[1])
-    return [(int(ms) * 1e-3, int(whole), int(axis)) for ms, whole, axis in rows]
+    made = [(int(ms) * 1e-3, int(whole), int(axis)) for ms, whole, axis in rows]
+    last = re.search(r"\.still_last = (\d+)u", text)
+    assert last and len(made) == int(last[1]) + 1
+    return made + made[-1:] * (len(OPTIONS[chip]) - len(made))
 
 
 def noise(chip: str, option: int) -> tuple[tuple[float, ...], float]:

@@ -17,14 +17,14 @@ static const chip_step_t steps[] = {
  * root of the rate below that. Tests compute the numbers. */
 static const imu_still_t still[] = {
     {160u, 221u, 2590u}, {80u, 57u, 337u}, {40u, 24u, 105u}, {20u, 13u, 51u}, /* 6.25 to 50 Hz */
-    {10u, 8u, 32u},      {10u, 8u, 32u},   {10u, 8u, 32u},                    /* 100, 200, 400 Hz */
-    {10u, 8u, 32u},      {10u, 8u, 32u},   {10u, 8u, 32u},                    /* 800, 1600, 3200 Hz */
+    {10u, 8u, 32u},                                                           /* 100 Hz and more */
 };
 
 const chip_t adxl345 = {
     .steps = steps,
     .still = {[ACCEL] = still},
     .option_first = 6u,
+    .still_last = 4u,
     .step_count = sizeof steps / sizeof steps[0],
     .address = 0x53u, /* SDO/ALT ADDRESS low */
     .data = 0x32u,    /* DATAX0 to DATAZ1 */

@@ -169,7 +169,8 @@ static void next_step(void) {
 static const imu_still_t *still_of(uint32_t sensor) {
     const chip_t *const chip = chip_of(sensor);
     const uint32_t option = sensor == ACCEL && chip_count() > 1u ? use.accel_rate : use.gyro_filter;
-    return &chip->still[sensor][option - chip->option_first];
+    const uint32_t at = option - chip->option_first;
+    return &chip->still[sensor][at < chip->still_last ? at : chip->still_last];
 }
 
 static void store_sample(void) {

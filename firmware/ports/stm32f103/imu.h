@@ -39,10 +39,12 @@ typedef struct {
 
 typedef struct {
     const chip_step_t *steps;
-    const imu_still_t *still[SENSORS]; /* one for each value of the sensor's option, from option_first on */
-    const uint8_t *identities;         /* of a chip that has several */
+    const imu_still_t
+        *still[SENSORS];       /* by the sensor's option, from option_first on; the last one for all above */
+    const uint8_t *identities; /* of a chip that has several */
     uint8_t identity_count;
     uint8_t option_first;
+    uint8_t still_last; /* index */
     uint8_t step_count;
     uint8_t address;    /* on I2C */
     uint8_t data;       /* first register of a sample: x, y, z, 16 bits each */

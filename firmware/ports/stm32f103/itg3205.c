@@ -23,6 +23,7 @@ const chip_t itg3205 = {
     .steps = steps,
     .still = {[GYRO] = still},
     .option_first = 1u,
+    .still_last = 5u,
     .step_count = sizeof steps / sizeof steps[0],
     .address = 0x68u, /* AD0 low */
     .data = 0x1du,    /* GYRO_XOUT_H to GYRO_ZOUT_L */

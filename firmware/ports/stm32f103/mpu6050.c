@@ -51,6 +51,7 @@ const chip_t mpu6050 = {
     .identities = identities,
     .identity_count = sizeof identities,
     .option_first = 1u,
+    .still_last = 5u,
     .step_count = sizeof steps / sizeof steps[0],
     .address = 0x68u, /* AD0 low */
     .data = 0x3bu,    /* ACCEL_XOUT_H to GYRO_ZOUT_L */
