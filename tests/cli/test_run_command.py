@@ -241,6 +241,17 @@ def test_a_live_run_without_sensors_is_refused(system: str, board: str, capsys: 
     assert "sensors" in said and len(said.splitlines()) == 1
 
 
+def test_a_flight_without_live_is_flown_by_the_same_pilot_and_held_to_a_limit(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert front.main(["run", "quadrotor", "--board", "native", "--live"]) == 2
+    refused = capsys.readouterr().err
+    assert "--live is for --board virtual" in refused and "leave --live out" in refused
+    code, said = run(capsys, "run", "quadrotor", "--board", "native", "--seconds", "8")
+    flown = [row for row in said["accuracy_limits"] if row["metric"] == "flown_rmse_deg"]
+    assert code == 0 and len(flown) == 1 and 0 < flown[0]["reached"] < flown[0]["value"]
+
+
 @pytest.mark.slow
 def test_gains_change_on_the_way_of_a_live_run_and_the_model_follows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

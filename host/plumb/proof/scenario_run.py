@@ -114,7 +114,10 @@ def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
     drawn = draw(request)
     scenario, params, closes = drawn.scenario, drawn.params, drawn.closes
     if request.live and request.board != "virtual":
-        raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
+        raise UsageError(
+            "--live is for --board virtual: there the board samples its own sensors, and the plant's pilot sends to "
+            "its receiver; on another board leave --live out, and the same scenario and pilot run in lockstep"
+        )
     if request.live:
         systems.load(request.system, PINS)
     if opened is None:

@@ -78,8 +78,16 @@ IMPLAUSIBLE = {
     10: Bit("idle", "the step stopped the rotors: it stood on the ground with the throttle low"),
     11: Bit("receiver", "the step stopped the rotors: the receiver was lost"),
     12: Bit("vertical", "the step stopped the rotors: on the ground it did not know the vertical yet"),
-    13: Bit("fallen", "the step stopped the motors: it fell; set it up, and begin a new run"),
-    14: Bit("rider", "the step stopped the motors: nobody rides; close the rider's switch"),
+    13: Bit(
+        "fallen",
+        "the step stopped the motors: it fell; set it up, and begin a new run. Of a quadrotor: it turned against what "
+        "was asked at the take-off; check the order of the rotors and the signs of the gyro",
+    ),
+    14: Bit(
+        "rider",
+        "the step stopped the motors: nobody rides; close the rider's switch. Of a quadrotor: it was upside down in "
+        "mode level",
+    ),
 }
 """PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h; from bit 8 on the word stop_reason of a vehicle."""
 NOT_READY = {
