@@ -2,6 +2,7 @@
 #include "core/calibration.h"
 #include "core/fixed.h"
 #include "core/rate_loop.h"
+#include "systems/wheels_doubt.h"
 #include <string.h>
 
 #define STEPS_MOST    65535U
@@ -10,6 +11,9 @@
 #define BIAS_MOST     (1L << 27)  /* turn/s Q28: with a calibrated rate of 7 within what the loop takes */
 #define ALPHA_MOST    (1L << 30)  /* Q31: half a disagreement in a step */
 #define INTEGRAL_MOST (1L << 30)  /* Q30: the full duty */
+#define COUNTS_MOST   (1UL << 30) /* count per turn/s Q36 */
+#define SLIP_MOST     (1L << 29)  /* m/s Q26: 8, with 15 of the wheels within 32 bits */
+#define FELT_MOST     (1L << 30)  /* m/s per turn Q26 */
 #define UP_NEVER      (1UL << 31) /* turn Q32: half a turn, no tilt is more */
 
 /* Inputs: channels, then commands. */
@@ -40,6 +44,7 @@ SELDOM_CALLED void plumb_wheels_init(plumb_wheels_t *c, const plumb_params_t *p)
     *c = (plumb_wheels_t){0};
     plumb_balancer_init(&c->balancer, p);
     take_balancer(&c->words, &c->balancer.words);
+    c->words.absent_steps = p->wheels.absent_steps;
 }
 
 /* Share of the most that a stick, Q15, asks for, in the format of the most. */
@@ -56,16 +61,18 @@ KERNEL bool listen(plumb_wheels_words_t *w, uint32_t lost_steps, int32_t receive
 }
 
 /* Whether somebody rides, and what happens when the rider has left. A rider is there once the count of open
- * steps is down to 0, and gone when it is full: a closed step takes CLOSED_TAKES off, so that a switch that
- * is closed for less than a fifth of the time is no rider. Switched off, the controllers are at rest, so that
- * no integral grows while a hand holds the vehicle. */
-KERNEL void decide(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool present, bool on) {
+ * steps is down to 0, and gone when it is full, as it is at the start: a closed step takes CLOSED_TAKES off,
+ * so that a switch that is closed for less than a fifth of the time is no rider. Without an accelerometer
+ * nobody rides on. Switched off, the controllers are at rest, so that no integral grows while a hand holds
+ * the vehicle. */
+KERNEL void decide(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool present, bool blind,
+                   bool on) {
     const uint32_t before = w->phase;
     const uint32_t absent = w->absent_steps;
     w->absent_steps = !present                ? min_u32(absent + 1U, q->absent_steps)
                       : absent > CLOSED_TAKES ? absent - CLOSED_TAKES
                                               : 0U;
-    const bool rides = present && w->absent_steps == 0U;
+    const bool rides = present && w->absent_steps == 0U && !blind;
     w->phase_steps = min_u32(w->phase_steps + 1U, STEPS_MOST);
     if (!on) {
         w->phase = PLUMB_WHEELS_STOPPED;
@@ -73,7 +80,7 @@ KERNEL void decide(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool
         if (rides && abs_u32(w->tilt_turn_q32) <= q->up_turn_q32)
             w->phase = PLUMB_WHEELS_RIDDEN;
     } else if (before == PLUMB_WHEELS_RIDDEN) {
-        if (w->absent_steps >= q->absent_steps)
+        if (w->absent_steps >= q->absent_steps || blind)
             w->phase = PLUMB_WHEELS_STOPPING;
     } else if (rides) {
         w->phase = PLUMB_WHEELS_RIDDEN;
@@ -109,23 +116,21 @@ KERNEL uint32_t turning(plumb_wheels_words_t *w, const plumb_params_t *p, int32_
     return flags | (used != difference ? PLUMB_WHEELS_FLAG_WHEEL_CLAMPED : 0U);
 }
 
-/* Counts of both wheels in this step; while one slips, twice those of the wheel that went on as before. */
-KERNEL int32_t both(int32_t before, int32_t left, int32_t right, bool slips) {
-    if (!slips)
-        return left + right;
-    return abs_u32(2 * left - before) <= abs_u32(2 * right - before) ? 2 * left : 2 * right;
-}
-
-/* Balance first, turning gets what it leaves; nothing while a wheel slips. */
+/* Balance first, turning gets what it leaves. While a wheel slips, the other one has to balance alone: it
+ * gets twice the duty, and turning nothing. */
 KERNEL uint32_t mix(plumb_wheels_words_t *w, int32_t duty_max_q15, int32_t turn_max_q15) {
-    const int32_t room = min_i32(duty_max_q15 - (int32_t)abs_u32(w->duty_q15), turn_max_q15);
-    const int32_t left_over = w->slip_steps != 0U ? 0 : room;
     const int32_t wanted = asr32(w->turn.demand_q24, 9);
-    const int32_t turn = clamp_i32(wanted, -left_over, left_over);
+    int32_t duty = w->duty_q15, turn = 0;
+    if (w->slip_steps != 0U) {
+        duty = clamp_i32(2 * duty, -duty_max_q15, duty_max_q15);
+    } else {
+        const int32_t room = min_i32(duty_max_q15 - (int32_t)abs_u32(duty), turn_max_q15);
+        turn = clamp_i32(wanted, -room, room);
+    }
     w->turn.excess_q24 = (wanted - turn) * 512;
     w->turn_duty_q15 = turn;
-    w->duty_left_q15 = w->duty_q15 - turn;
-    w->duty_right_q15 = w->duty_q15 + turn;
+    w->duty_left_q15 = duty - turn;
+    w->duty_right_q15 = duty + turn;
     return wanted != turn ? PLUMB_WHEELS_FLAG_TURN_LIMITED : 0U;
 }
 
@@ -136,6 +141,10 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     const bool first = w->step == 0U;
     const int32_t left = first ? 0 : (int16_t)sub_wrap(raw[LEFT], w->raw[LEFT]);
     const int32_t right = first ? 0 : (int16_t)sub_wrap(raw[RIGHT], w->raw[RIGHT]);
+    const bool odd = is_odd(w);
+    const bool repeats = !first && (raw[ACCEL_X] == w->raw[ACCEL_X] || raw[ACCEL_Z] == w->raw[ACCEL_Z]);
+    w->still_steps = in_a_row(w->still_steps, odd || repeats, q->still_steps);
+    const bool blind = w->still_steps >= q->still_steps;
     for (unsigned i = 0; i < INPUTS; i++)
         w->raw[i] = raw[i];
     w->setpoint_speed_q15 = setpoint_speed_q15;
@@ -143,7 +152,7 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
 
     const bool lost = listen(w, q->lost_steps, raw[RECEIVER]);
     const bool on = w->receiver_number == 0U || ((uint32_t)raw[SWITCHES] & PLUMB_WHEELS_MOTORS_ON) != 0U;
-    decide(w, q, raw[RIDER] > 0, on);
+    decide(w, q, raw[RIDER] > 0, blind, on);
     const bool obeys = w->phase == PLUMB_WHEELS_RIDDEN && !lost;
     const int32_t speed = w->receiver_number != 0U ? raw[PITCH] : setpoint_speed_q15;
     w->asked_mps_q26 = obeys ? by_stick(speed, p->drive.speed_max_mps_q26) : 0;
@@ -156,15 +165,18 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     }
     uint32_t flags = turning(w, p, right - left, raw[GYRO_UP]);
     const bool slips = w->slip_steps != 0U;
-    w->sum_counts = both(w->sum_counts, left, right, slips);
+    w->sum_counts = both(w, p, left, right);
     const int16_t one_wheel[PLUMB_RAW_MAX] = {raw[GYRO], raw[ACCEL_X], raw[ACCEL_Z],
                                               (int16_t)(b->raw[3] + w->sum_counts)};
-    plumb_balancer_step(&c->balancer, p, one_wheel, w->asked_mps_q26);
+    c->balancer.blind = blind || odd;
+    const int32_t has = b->wheel.velocity_mps_q26;
+    const int32_t wanted =
+        slips ? clamp_i32(w->asked_mps_q26, has - q->slip_mps_q26, has + q->slip_mps_q26) : w->asked_mps_q26;
+    plumb_balancer_step(&c->balancer, p, one_wheel, wanted);
     take_balancer(w, b);
 
-    flags |= b->flags;
-    w->stop_reason = (on && w->phase == PLUMB_WHEELS_STOPPED ? PLUMB_WHEELS_STOP_RIDER : 0U) |
-                     ((flags & PLUMB_WHEELS_FLAG_FALLEN) != 0U ? PLUMB_WHEELS_STOP_FALLEN : 0U);
+    flags |= b->flags | doubt(w, q, on, (left | right) != 0, p->drive.duty_max_q15);
+    w->stop_reason = stopped_by(w, flags, on, blind);
     const bool drives = on && w->stop_reason == 0U;
     rate_loop_step(&w->turn, &p->turn, INT32_MAX, q->integral_max_q30, w->asked_turnps_q28,
                    w->turn_rate_turnps_q28,
@@ -179,7 +191,8 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
         w->duty_left_q15 = 0;
         w->duty_right_q15 = 0;
     }
-    w->flags = flags | (lost ? PLUMB_WHEELS_FLAG_LOST : 0U) | (slips ? PLUMB_WHEELS_FLAG_SLIPS : 0U);
+    w->flags = flags | (lost ? PLUMB_WHEELS_FLAG_LOST : 0U) | (slips ? PLUMB_WHEELS_FLAG_SLIPS : 0U) |
+               (blind ? PLUMB_WHEELS_FLAG_ACCEL_STILL : 0U);
 }
 
 SELDOM_CALLED void plumb_wheels_retune(plumb_wheels_t *c, const plumb_params_t *from,
@@ -200,8 +213,13 @@ SELDOM_CALLED bool plumb_wheels_params_valid(const plumb_params_t *p) {
            is_up_to(q->bias_alpha_q31, ALPHA_MOST) && is_up_to(q->doubt_turnps_q28, 2 * BIAS_MOST) &&
            is_up_to(q->slip_turnps_q28, TURN_MOST) && q->slip_hold <= STEPS_MOST &&
            is_up_to(q->turn_max_turnps_q28, TURN_MOST) && is_up_to(q->integral_max_q30, INTEGRAL_MOST) &&
-           is_up_to(q->turn_duty_max_q15, INT16_MAX) && q->lost_steps - 1U < STEPS_MOST &&
-           q->absent_steps - 1U < STEPS_MOST && q->stopping_steps < STEPS_MOST && q->up_turn_q32 <= UP_NEVER;
+           is_up_to(q->turn_duty_max_q15, INT16_MAX) && is_up_to(q->slip_mps_q26, SLIP_MOST) &&
+           abs_u32(q->turn_counts_q36) <= COUNTS_MOST && is_up_to(q->felt_mps_q26, FELT_MOST) &&
+           is_up_to(q->apart_alpha_q31, ALPHA_MOST) && is_up_to(q->apart_max_mps_q26, FELT_MOST) &&
+           q->dead_steps - 2U < STEPS_MOST - 1U && q->rocked_turnps_q28 < ROCKED_MOST &&
+           q->full_steps - 1U < STEPS_MOST && q->still_steps - 1U < STEPS_MOST &&
+           q->lost_steps - 1U < STEPS_MOST && q->absent_steps - 1U < STEPS_MOST &&
+           q->stopping_steps < STEPS_MOST && q->up_turn_q32 <= UP_NEVER;
 }
 
 /* As balancer; a rider who steps on shakes it. */

@@ -22,30 +22,41 @@ UP = {"accel_z": 2048, "switches": fixed.MOTORS_ON}
 STOPPED, RIDDEN, STOPPING = fixed.STOPPED, fixed.RIDDEN, fixed.STOPPING
 
 
-def run(steps: int, speed: int = 0, **inputs: npt.ArrayLike) -> Words:
-    """The words of steps upright; inputs: a number, or one of every step, by name of a channel or command."""
+def run(steps: int, speed: int = 0, *, begun: bool = True, **inputs: npt.ArrayLike) -> Words:
+    """The words of steps upright; inputs: a number, or one of every step, by name of a channel or command. begun: a
+    rider has stood on it for long; else he steps on with the first step."""
     names = [channel.name for channel in DECLARED.channels]
     raw = np.zeros((steps, DECLARED.inputs), np.int16)
     for name, values in {**UP, "rider": 1, **inputs}.items():
         at = names.index(name) if name in names else DECLARED.counts + COMMANDS.index(name)
         raw[:, at] = np.asarray(values)
-    return run_fixed.run_control(PARAMS, raw, np.full(steps, speed, np.int32))
+    raw[1::2, 1:3] += 1  # an accelerometer is never still
+    before = np.repeat(raw[:1], 2 * TAKES * begun, axis=0)
+    before[:, 1], before[:, 2], before[:, names.index("rider")] = 0, 2048, 1
+    before[1::2, 1:3] += 1
+    receiver = DECLARED.counts + COMMANDS.index("receiver")
+    before[:, receiver] = np.where(before[:, receiver] != 0, 255, 0)
+    whole = np.concatenate([before, raw])
+    words = run_fixed.run_control(PARAMS, whole, np.full(len(whole), speed, np.int32))
+    return Words(words.record[len(before) :])
 
 
 COMMANDS = [command.name for command in DECLARED.step_commands]
 ABSENT, STOPS = PARAMS["wheels.absent_steps"], PARAMS["wheels.stopping_steps"]
+TAKES = -(-ABSENT // fixed.CLOSED_TAKES)
+"""Closed steps after which somebody rides."""
 
 
 def test_it_waits_for_its_rider_and_begins_anew_when_he_is_back() -> None:
     rider = np.ones(ABSENT + STOPS + 90)
-    rider[:10] = rider[20 : ABSENT + STOPS + 30] = 0
-    phase = run(len(rider), rider=rider)["phase"].tolist()
-    left = 20 + ABSENT - 1
+    rider[:10] = rider[30 : ABSENT + STOPS + 40] = 0
+    phase = run(len(rider), rider=rider, begun=False)["phase"].tolist()
+    left = 30 + ABSENT - 1
     stops = left + STOPS + 1
-    taken = 10 + 2  # two closed steps take ten open ones off all but two
+    taken = 10 + TAKES - 1
     expected = [STOPPED] * taken + [RIDDEN] * (left - taken) + [STOPPING] * (stops - left)
     assert phase[: len(expected)] == expected
-    back = ABSENT + STOPS + 30 + ABSENT // fixed.CLOSED_TAKES - 1
+    back = ABSENT + STOPS + 40 + TAKES - 1
     assert phase[stops:back] == [STOPPED] * (back - stops)
     assert set(phase[back:]) == {RIDDEN}
 
@@ -56,7 +67,7 @@ def test_a_switch_that_opens_shortly_changes_nothing_and_a_rider_who_is_back_goe
     assert set(run(len(rider), rider=rider)["phase"].tolist()) == {RIDDEN}
     rider[5 : 5 + ABSENT] = 0
     phase = run(len(rider), rider=rider)["phase"].tolist()
-    assert phase.count(STOPPING) == ABSENT // fixed.CLOSED_TAKES and phase[-1] == RIDDEN
+    assert phase.count(STOPPING) == TAKES and phase[-1] == RIDDEN
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -75,18 +86,18 @@ def test_a_switch_that_chatters_is_no_rider_and_a_rider_who_shakes_is_one(seed: 
 
 
 def test_a_vehicle_that_lies_takes_no_rider() -> None:
-    words = run(400, accel_x=2048 * np.ones(400), accel_z=1)
+    words = run(2000, accel_x=2048 * np.ones(2000), accel_z=1)
     lies = np.abs(words["tilt_turn_q32"]) > PARAMS["wheels.up_turn_q32"]
-    assert words["phase"][0] == RIDDEN and lies[-1]
+    assert words["phase"][0] == RIDDEN and lies[-1] and words["phase"][-1] == STOPPED
     rider = np.zeros(400)
     rider[300:] = 1
-    words = run(400, accel_x=2048 * np.ones(400), accel_z=1, rider=rider)
+    words = run(400, accel_x=2048 * np.ones(400), accel_z=1, rider=rider, begun=False)
     assert set(words["phase"].tolist()) == {STOPPED}
     assert not words["duty_left_q15"].any()
 
 
 def test_nobody_rides_no_duty_whatever_is_asked() -> None:
-    words = run(50, speed=32767, rider=0, yaw=32767, accel_x=-300)
+    words = run(50, speed=32767, rider=0, yaw=32767, accel_x=-300, begun=False)
     for name in ("duty_left_q15", "duty_right_q15", "asked_mps_q26", "asked_turnps_q28", "turn_integral_q30"):
         assert not words[name].any(), name
 
@@ -103,7 +114,7 @@ def test_nobody_rides_no_duty_whatever_is_asked() -> None:
     ],
 )
 def test_who_steers(inputs: Mapping[str, int], speed: int, asked: tuple[float, float]) -> None:
-    words = run(3, speed, **inputs)
+    words = run(3, speed, begun=True, **inputs)
     found = words["asked_mps_q26"][-1] / 2**26, words["asked_turnps_q28"][-1] / 2**28 * 360.0
     assert found == pytest.approx(asked, abs=0.01)
 

@@ -19,9 +19,11 @@
 extern "C" {
 #endif
 
-/* State of the controller: the record of the last step. */
+/* State of the controller: the record of the last step, and what a system sets that calls its step. */
 typedef struct {
     plumb_balancer_words_t words;
+    uint32_t blind; /* not 0: the accelerometer is not believed, the tilt measured is the one estimated in the
+                       step before; 0 at the start */
 } plumb_balancer_t;
 
 /* Clear the record and set the initial state of the filter. */

@@ -136,6 +136,15 @@ typedef struct {
     uint32_t absent_steps; /* 1..65535; steps without the rider after which the vehicle comes to rest */
     uint32_t stopping_steps; /* 0..65534; steps after which it then stops */
     uint32_t up_turn_q32; /* 0..2147483648; largest tilt at which a stopped vehicle takes a rider; half a turn: any */
+    int32_t turn_counts_q36; /* -1073741824..1073741824; difference of the wheels in a step at a turn rate: what count_turnps says, the other way round, times 16 */
+    int32_t slip_mps_q26; /* 0..536870912; while a wheel slips, the most by which the speed that is asked for may differ from the one that it has */
+    int32_t felt_mps_q26; /* 0..1073741824; change of the speed in a step by the tilt that is felt beside the one estimated */
+    int32_t apart_alpha_q31; /* 0..1073741824; share of the difference between the speeds felt and counted that a step forgets */
+    int32_t apart_max_mps_q26; /* 0..1073741824; speed felt beyond which wheels that never counted are not believed */
+    uint32_t dead_steps; /* 2..65535; steps without a count of either wheel after which they may be dead */
+    uint32_t rocked_turnps_q28; /* 0..1073741823; sum of the rate's size in these steps beyond which wheels without a count are dead */
+    uint32_t full_steps; /* 1..65535; steps at the full duty after which wheels that turn do so in the air */
+    uint32_t still_steps; /* 1..65535; steps with a repeated count of the accelerometer after which it is not believed */
 } plumb_wheels_params_t;
 
 /* Every parameter of the core, in words of 32 bits: the system, then the groups. */

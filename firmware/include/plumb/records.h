@@ -237,6 +237,9 @@ typedef struct {
 #define PLUMB_WHEELS_FLAG_TURN_LIMITED (1U << 9) /* turning asked for more than balance leaves */
 #define PLUMB_WHEELS_FLAG_SLIPS (1U << 10) /* gyro and wheels disagree: a wheel slips */
 #define PLUMB_WHEELS_FLAG_LOST (1U << 11) /* the receiver is lost: it stands */
+#define PLUMB_WHEELS_FLAG_ENCODERS (1U << 12) /* the wheels stand by their encoders, but it moves: kept until it is switched off */
+#define PLUMB_WHEELS_FLAG_LIFTED (1U << 13) /* the wheels turn at the full duty for long, in the air: kept until it is switched off */
+#define PLUMB_WHEELS_FLAG_ACCEL_STILL (1U << 14) /* the accelerometer repeats its counts, or makes no sense: it comes to rest without it */
 #define PLUMB_WHEELS_FLAGS_SATURATED (PLUMB_WHEELS_FLAG_GYRO_CLAMPED | PLUMB_WHEELS_FLAG_ACCEL_X_CLAMPED | PLUMB_WHEELS_FLAG_ACCEL_Z_CLAMPED | PLUMB_WHEELS_FLAG_WHEEL_CLAMPED | PLUMB_WHEELS_FLAG_GYRO_UP_CLAMPED) /* raw counts outside their range */
 typedef struct {
     int32_t raw[15]; /* 9 counts, then words of commands, as given */
@@ -271,7 +274,13 @@ typedef struct {
     uint32_t absent_steps; /* steps for which the rider's switch has been open, up to wheels.absent_steps; a closed step takes 4 off */
     uint32_t receiver_number; /* number of the receiver's newest frame; 0: no receiver is in use */
     uint32_t age_steps; /* steps since a new frame of the receiver */
-    uint32_t stop_reason; /* why the motors are off: 32 it fell, 64 nobody rides; 0: they are on */
+    int32_t apart_mps_q26; /* speed that the accelerometer has felt less that of the wheels */
+    int32_t felt_mps_q26; /* speed that is felt: that of the wheels slowly, the sum of the acceleration quickly */
+    uint32_t dead_steps; /* steps since the last one with a count of either wheel, that one counted, up to wheels.dead_steps; 0: none since it drives */
+    uint32_t rocked_turnps_q28; /* sum of the rate's size in the steps since a count of either wheel */
+    uint32_t full_steps; /* steps at the full duty with wheels that turn, up to wheels.full_steps */
+    uint32_t still_steps; /* steps with a count of the accelerometer as in the step before, or without half of gravity, or outside its range, up to wheels.still_steps */
+    uint32_t stop_reason; /* why the motors are off: 32 it fell, 64 nobody rides, 128 sensors that lie: flags; 0: they are on */
     int32_t turn_duty_q15; /* duty for turning that balance leaves, positive to the left */
     int32_t duty_left_q15; /* duty of the left motor, -32767 to 32767, positive forward */
     int32_t duty_right_q15; /* duty of the right motor */

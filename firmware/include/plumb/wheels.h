@@ -41,6 +41,9 @@ extern "C" {
 /* Word `stop_reason`: in PLAUSIBILITY.failed these bits are 8 higher. */
 #define PLUMB_WHEELS_STOP_FALLEN 32U /* kept until the run ends */
 #define PLUMB_WHEELS_STOP_RIDER  64U /* phase is PLUMB_WHEELS_STOPPED */
+#define PLUMB_WHEELS_STOP_SENSORS                                                                            \
+    128U /* the accelerometer stood still; or, until it is switched off, encoders without counts, or wheels  \
+            in the air */
 
 /* The record of the last step, then the state of balancer, whose own words are in no digest of this system
  * but where the step copies them. */

@@ -88,6 +88,11 @@ IMPLAUSIBLE = {
         "the step stopped the motors: nobody rides; close the rider's switch. Of a quadrotor: it was upside down in "
         "mode level",
     ),
+    15: Bit(
+        "lying",
+        "the step stopped the motors: a sensor lies, or the wheels turn in the air; check encoders and accelerometer, "
+        "and begin a new run",
+    ),
 }
 """PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h; from bit 8 on the word stop_reason of a vehicle."""
 NOT_READY = {

@@ -24,6 +24,9 @@ class ControlState:
     rate_turnps_q28: Integer = 0
     clamped_steps: Integer = 0
     fallen: Integer = 0
+    tilt_turn_q32: Integer = 0
+    blind: Integer = 0
+    """1: the accelerometer is not believed, the tilt measured is the one estimated in the step before."""
     step: int = 0
 
 
@@ -54,11 +57,12 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mp
     c.rate_turnps_q28, c.velocity_mps_q26 = rate, velocity
     u = rate if c.step == 1 else kernels.driving_rate(p, rate, previous)
     gravity_x = accel_x + wheel_accel
-    measured = kernels.tilt(gravity_x, accel_z, p)
+    measured = select(c.blind == 1, c.tilt_turn_q32, kernels.tilt(gravity_x, accel_z, p))
     variance = kernels.trust(gravity_x, accel_z, p)
     k, lean_pid, pid = c.kalman, c.speed, c.pid
     kernels.kalman_step(k, p, variance, measured, u)
     tilt_turn_q32, bias = kernels.kalman_tilt(k), kernels.kalman_bias(k, p)
+    c.tilt_turn_q32 = tilt_turn_q32
     rate_corrected = rate - bias
 
     wanted = clamp(setpoint_mps_q26, -p["drive.speed_max_mps_q26"], p["drive.speed_max_mps_q26"])

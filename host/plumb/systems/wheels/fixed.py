@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from plumb.kernels.fixed import kernels, plausibility
 from plumb.kernels.fixed.kernels import Params, PidState
 from plumb.kernels.fixed.rate_loop import Conditions, RateLoopState, rate_loop_step
-from plumb.kernels.integers import Integer, clamp, mul, select
+from plumb.kernels.integers import Integer, clamp, mul, select, wrap_i32
 from plumb.spec import declarations
 from plumb.systems.balancer import fixed as balancer
 
 STOPPED, RIDDEN, STOPPING = range(3)
-STOP_FALLEN, STOP_RIDER = 32, 64
+STOP_FALLEN, STOP_RIDER, STOP_SENSORS = 32, 64, 128
 GYRO, ACCEL_X, ACCEL_Z, GYRO_UP, LEFT, RIGHT, RIDER = range(7)
 ROLL, PITCH, YAW, SWITCHES, RECEIVER = range(9, 14)
 MOTORS_ON = 1
@@ -26,11 +26,19 @@ CLOSED_TAKES = 4
 BIAS_MOST = 1 << 27
 """turn/s Q28."""
 TURN_MOST = 4 << 28
-WHEEL_CLAMPED, GYRO_UP_CLAMPED, FALLEN = 1 << 4, 1 << 6, 1 << 7
+ACCEL_CLAMPED, WHEEL_CLAMPED, GYRO_UP_CLAMPED, FALLEN = 3 << 1, 1 << 4, 1 << 6, 1 << 7
 DRIVES, TURN_LIMITED, SLIPS, LOST = 1 << 8, 1 << 9, 1 << 10, 1 << 11
+ENCODERS, LIFTED, ACCEL_STILL = 1 << 12, 1 << 13, 1 << 14
+APART_MOST = 8 << 26
+"""m/s Q26."""
+UP_LEAST = 1 << 25
+"""g Q26: half."""
+ROCKED_MOST = 1 << 30
+"""turn/s Q28."""
 BALANCER_INPUTS = 7
 """Words of a record of balancer before its first value: six counts and the setpoint."""
-BALANCER_TILT, BALANCER_DUTY = 25, -3
+BALANCER_UP, BALANCER_VELOCITY, BALANCER_MEASURED, BALANCER_TILT = 9, 11, 14, 25
+BALANCER_RATE, BALANCER_DUTY = 27, -3
 """Places in such a record."""
 VALUES = slice(BALANCER_INPUTS, -2)
 """From the calibrated gyro to the duty."""
@@ -45,6 +53,16 @@ class ControlState:
     tilt: Integer
     bias: Integer
     sum: Integer
+    apart: Integer
+    felt: Integer
+    dead: Integer
+    rocked: Integer
+    full: Integer
+    still: Integer
+    acceleration: tuple[Integer, Integer]
+    up: Integer
+    stop_reason: Integer
+    flags: Integer
     slip: Integer
     absent: Integer
     phase_steps: Integer
@@ -56,7 +74,12 @@ class ControlState:
 def control_init(p: Params) -> ControlState:
     zero = 0 * p["wheels.lost_steps"]
     loop = RateLoopState(zero, zero, zero, zero)
-    return ControlState(balancer.control_init(p), loop, (zero, zero), zero + STOPPED, *[zero] * 9)
+    return ControlState(
+        balancer.control_init(p), loop, (zero, zero), phase=zero + STOPPED, tilt=zero, bias=zero, sum=zero,
+        apart=zero, felt=zero, dead=zero, rocked=zero, full=zero, still=zero, acceleration=(zero, zero), up=zero,
+        stop_reason=zero, flags=zero, slip=zero, absent=p["wheels.absent_steps"] + zero, phase_steps=zero, number=zero,
+        age=zero, step=zero,
+    )  # fmt: skip
 
 
 def wrap_i16(x: Integer) -> Integer:
@@ -77,15 +100,15 @@ def listen(c: ControlState, p: Params, receiver: Integer) -> Integer:
     return (number != 0) & (((receiver & 256) != 0) | (c.age >= p["wheels.lost_steps"]))
 
 
-def decide(c: ControlState, p: Params, present: Integer, on: Integer) -> None:
+def decide(c: ControlState, p: Params, present: Integer, blind: Integer, on: Integer) -> None:
     """The phase of this step, from the tilt of the step before."""
     before = c.phase
     full = p["wheels.absent_steps"]
     c.absent = select(present, clamp(c.absent - CLOSED_TAKES, 0, STEPS_MOST), clamp(c.absent + 1, 0, full))
     c.phase_steps = clamp(c.phase_steps + 1, 0, STEPS_MOST)
-    rides = present & (c.absent == 0)
+    rides = present & (c.absent == 0) & (blind == 0)
     takes = rides & (abs(c.tilt) <= p["wheels.up_turn_q32"])
-    gone = c.absent >= full
+    gone = (c.absent >= full) | (blind != 0)
     over = c.phase_steps > p["wheels.stopping_steps"]
     left = select(rides, 0 * before + RIDDEN, select(over, 0 * before + STOPPED, before))
     driven = select(before == RIDDEN, select(gone, 0 * before + STOPPING, before), left)
@@ -111,10 +134,63 @@ def turning(
     return gyro, rolled, gyro - c.bias, flags
 
 
-def both(before: Integer, left: Integer, right: Integer, slips: Integer) -> Integer:
-    """Counts of both wheels in a step; while one slips, twice those of the wheel that went on as before."""
-    steady = select(abs(2 * left - before) <= abs(2 * right - before), 2 * left, 2 * right)
-    return select(slips, steady, left + right)
+def is_odd(c: ControlState) -> Integer:
+    """Whether the accelerometer of the step before was outside its range, or, while it drives and so is upright,
+    without half of gravity."""
+    return ((c.flags & ACCEL_CLAMPED) != 0) | ((c.phase != STOPPED) & (c.up < UP_LEAST))
+
+
+def in_a_row(steps: Integer, again: Integer, most: Integer) -> Integer:
+    """Steps in a row, up to the most that is asked for."""
+    return select(again, clamp(steps + 1, 0, most), 0 * steps)
+
+
+def still(c: ControlState, p: Params, raw: Sequence[Integer], odd: Integer, first: Integer) -> Integer:
+    """Whether the accelerometer has repeated its counts, or made none that it can mean, for too long."""
+    x, z = c.acceleration
+    c.acceleration = raw[ACCEL_X], raw[ACCEL_Z]
+    repeats = (first == 0) & ((raw[ACCEL_X] == x) | (raw[ACCEL_Z] == z))
+    c.still = in_a_row(c.still, repeats | odd, p["wheels.still_steps"])
+    return c.still >= p["wheels.still_steps"]
+
+
+def both(c: ControlState, p: Params, left: Integer, right: Integer, rate: Integer) -> Integer:
+    """Counts of both wheels in a step; while one slips, those of one and of the turn that the gyro feels: of the wheel
+    that is nearer to the speed felt."""
+    most, edge = p["wheel.edges_max"], p["wheel.edge_mps_q26"]
+    turned = (mul(rate, p["wheels.turn_counts_q36"]) + 8) >> 4
+    by_left, by_right = 2 * left + turned, 2 * right - turned
+    beside = [abs(wrap_i32(clamp(counts, -most, most) * edge - c.felt)) for counts in (by_left, by_right)]
+    nearer = select(beside[0] <= beside[1], by_left, by_right)
+    return select(c.slip != 0, nearer, left + right)
+
+
+def doubt(c: ControlState, p: Params, record: Sequence[Integer], counts: Integer, on: Integer) -> Integer:
+    """Flags of encoders without counts and of wheels in the air, from what is felt. record: of balancer."""
+    drives, duty = on & (c.stop_reason == 0), record[BALANCER_DUTY]
+    felt = wrap_i32(record[BALANCER_MEASURED] - c.tilt)
+    faded = c.apart - 2 * mul(c.apart, p["wheels.apart_alpha_q31"])
+    apart = clamp(faded - mul(felt, p["wheels.felt_mps_q26"]), -APART_MOST, APART_MOST)
+    c.apart = select(drives, apart, 0 * apart)
+    speed = record[BALANCER_VELOCITY] + c.apart
+    c.felt = select(drives, speed, 0 * speed)
+    since = select(c.dead != 0, clamp(c.dead + 1, 0, p["wheels.dead_steps"]), c.dead)
+    c.dead = select(drives, select(counts != 0, 0 * since + 1, since), 0 * since)
+    rocked = clamp(c.rocked + abs(record[BALANCER_RATE]), 0, ROCKED_MOST)
+    c.rocked = select(drives & (counts == 0), rocked, 0 * rocked)
+    full = drives & (counts != 0) & (abs(duty) >= p["drive.duty_max_q15"])
+    c.full = in_a_row(c.full, full, p["wheels.full_steps"])
+    rocks = (c.dead >= p["wheels.dead_steps"]) & (c.rocked > p["wheels.rocked_turnps_q28"])
+    moves = drives & (c.dead == 0) & (abs(c.felt) > p["wheels.apart_max_mps_q26"])
+    kept = select(on, c.flags & (ENCODERS | LIFTED), 0 * c.flags)
+    return kept | select(rocks | moves, ENCODERS, 0) | select(c.full >= p["wheels.full_steps"], LIFTED, 0)
+
+
+def stopped_by(c: ControlState, flags: Integer, on: Integer, blind: Integer) -> Integer:
+    """Why the motors are off."""
+    idle = select(blind, STOP_SENSORS, STOP_RIDER)
+    reason = select(on & (c.phase == STOPPED), idle, 0 * idle) | select((flags & FALLEN) != 0, STOP_FALLEN, 0)
+    return reason | select(on & ((flags & (ENCODERS | LIFTED)) != 0), STOP_SENSORS, 0)
 
 
 def at_rest(pid: PidState, stopped: Integer) -> PidState:
@@ -130,7 +206,9 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.counts = counts
     lost = listen(c, p, raw[RECEIVER])
     on = (c.number == 0) | ((raw[SWITCHES] & MOTORS_ON) != 0)
-    decide(c, p, raw[RIDER] > 0, on)
+    odd = is_odd(c)
+    blind = still(c, p, raw, odd, first)
+    decide(c, p, raw[RIDER] > 0, blind, on)
     obeys = (c.phase == RIDDEN) & (lost == 0)
     speed = select(c.number != 0, raw[PITCH], clamp(setpoint, -FULL_Q15, FULL_Q15))
     none = 0 * c.phase
@@ -142,18 +220,22 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     b.speed, b.pid = at_rest(b.speed, stopped), at_rest(b.pid, stopped)
     gyro, rolled, rate, turn_flags = turning(c, p, right - left, raw[GYRO_UP])
     slips = c.slip != 0
-    c.sum = both(c.sum, left, right, slips)
+    c.sum = both(c, p, left, right, rate)
     zero = 0 * raw[LEFT]
     one_wheel = (raw[GYRO], raw[ACCEL_X], raw[ACCEL_Z], wrap_i16(b.hall + c.sum), zero, zero)
-    record = balancer.control_step(b, p, one_wheel, asked)
-    c.tilt, duty = record[BALANCER_TILT], record[BALANCER_DUTY]
+    b.blind = select(blind | odd, 1, 0)
+    has, most = b.velocity_mps_q26, p["wheels.slip_mps_q26"]
+    record = balancer.control_step(b, p, one_wheel, select(slips, clamp(asked, has - most, has + most), asked))
+    c.up, c.tilt, duty = record[BALANCER_UP], record[BALANCER_TILT], record[BALANCER_DUTY]
 
-    flags = record[-2] | turn_flags
-    stop_reason = select(on & stopped, STOP_RIDER, 0) | select((flags & FALLEN) != 0, STOP_FALLEN, 0)
+    flags = record[-2] | turn_flags | doubt(c, p, record, left | right, on)
+    c.stop_reason = stop_reason = stopped_by(c, flags, on, blind)
     drives = on & (stop_reason == 0)
     shared = Conditions((1 << 31) - 1, p["wheels.integral_max_q30"], drives, landed=slips != 0)
     rate_loop_step(c.turn, p, "turn", shared, asked_turn, rate)
-    room = p["drive.duty_max_q15"] - abs(duty)
+    full = p["drive.duty_max_q15"]
+    duty = clamp(select(slips, 2 * duty, duty), -full, full)
+    room = full - abs(duty)
     room = select(room < p["wheels.turn_duty_max_q15"], room, p["wheels.turn_duty_max_q15"])
     room = select(slips, 0 * room, room)
     wanted = c.turn.demand_q24 >> 9
@@ -161,11 +243,12 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.turn.excess_q24 = select(drives, (wanted - turn) << 9, 0 * wanted)
     duties = select(drives, duty - turn, 0 * duty), select(drives, duty + turn, 0 * duty)
     flags = flags | select(drives, DRIVES, 0) | select(drives & (wanted != turn), TURN_LIMITED, 0)
-    flags = flags | select(slips, SLIPS, 0) | select(lost, LOST, 0)
+    flags = flags | select(slips, SLIPS, 0) | select(lost, LOST, 0) | select(blind, ACCEL_STILL, 0)
+    c.flags = flags
     return (
         *raw, setpoint, c.phase, *record[VALUES], asked, asked_turn, gyro, rolled, c.bias, rate, *c.turn.words(),
-        c.sum, c.slip, c.phase_steps, c.absent, c.number, c.age, stop_reason,
-        select(drives, turn, 0 * turn), *duties, flags, c.step,
+        c.sum, c.slip, c.phase_steps, c.absent, c.number, c.age, c.apart, c.felt, c.dead, c.rocked, c.full, c.still,
+        stop_reason, select(drives, turn, 0 * turn), *duties, flags, c.step,
     )  # fmt: skip
 
 

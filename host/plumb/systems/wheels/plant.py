@@ -10,10 +10,11 @@ import numpy as np
 
 from plumb.physics.imu import MPU6050, Imu
 from plumb.spec import declarations
+from plumb.systems.balancer.vehicle import PUSH_RADPS2_PER_MPS2
 from plumb.systems.prescribed import put_faults
 from plumb.systems.wheels import rides
 from plumb.systems.wheels.drawn_run import Prescribed, Scenario
-from plumb.systems.wheels.vehicle import GRID_S, GRIP, Outside, Vehicle
+from plumb.systems.wheels.vehicle import GRID_S, GRIP, Kerb, Outside, Vehicle
 
 FULL_Q15, MOTORS_ON = 32767, 1
 SPEED_MAX_MPS, TURN_MAX_DPS = 1.0, 90.0
@@ -35,6 +36,8 @@ class WheelsPlant:
         self.vehicle = Vehicle(ride.slope_deg, ride.shift_m, scenario.supply)
         self.imu = Imu(MPU6050, scenario.imu[:, None], scenario.period_us * 1e-6)
         self.step = 0
+        self._happens = ride.happens()
+        self._kerbs_m: dict[int, float] = {}
         self._frozen: dict[int, int] = {}
         self._duties: Duties = (None, None)
 
@@ -59,26 +62,45 @@ class WheelsPlant:
     def outside(self, time_s: float) -> Outside:
         """What acts on the vehicle in the step that begins then."""
         rough = self.scenario.push_radps2
-        push = float(rough[self.step % len(rough)])
-        return Outside(push, self._grip(time_s), self.ridden(time_s), time_s < rides.HELD_S)
+        push, ice, kerb, held_deg = float(rough[self.step % len(rough)]), 0, None, None
+        for place, one in enumerate(self._happens):
+            if not one.lasts(time_s):
+                continue
+            if one.what == rides.PUSH:
+                push += PUSH_RADPS2_PER_MPS2 * one.size
+            elif one.what == rides.ICY:
+                ice |= one.number
+            elif one.what == rides.KERB:
+                kerb = Kerb(self._kerbs_m.setdefault(place, self.vehicle.way_m), float(one.number))
+            elif one.what == rides.LIFT:
+                held_deg = one.size
+        left, right = (rides.ICE if ice & side else GRIP for side in (rides.LEFT, rides.RIGHT))
+        return Outside(push, (left, right), self.ridden(time_s), time_s < rides.HELD_S, kerb, held_deg)
+
+    def _lasts(self, what: str, time_s: float) -> rides.Happening | None:
+        """The last that lasts."""
+        return next((one for one in reversed(self._happens) if one.what == what and one.lasts(time_s)), None)
 
     def ridden(self, time_s: float) -> bool:
         """Whether the rider stands on it."""
-        return not (self.scenario.ride.leaves and time_s >= rides.HAPPENS_S)
+        return self._lasts(rides.OFF, time_s) is None and self._lasts(rides.CHATTER, time_s) is None
 
-    def _grip(self, time_s: float) -> tuple[float, float]:
-        ride = self.scenario.ride
-        icy = rides.HAPPENS_S <= time_s < rides.HAPPENS_S + ride.ice_s
-        left, right = (rides.ICE if icy and slips else GRIP for slips in ride.ice)
-        return left, right
+    def _closed(self, time_s: float) -> bool:
+        """Whether the rider's switch is closed."""
+        chatters = self._lasts(rides.CHATTER, time_s)
+        if chatters is None:
+            return self.ridden(time_s)
+        since_ms = int((time_s - chatters.begin_s) * 1000.0 + 1e-6) + chatters.number
+        return since_ms % rides.CHATTER_MS < rides.CLOSED_MS
 
     def _heard(self, time_s: float) -> int:
         """Number of the receiver's newest frame, and the sample at which it was sent; 0: it is not in use."""
         ride = self.scenario.ride
         if not ride.by_receiver:
             return 0
-        if rides.HAPPENS_S <= time_s < rides.HAPPENS_S + ride.silent_s:
-            time_s = rides.HAPPENS_S
+        deaf = self._lasts(rides.DEAF, time_s)
+        if deaf is not None:
+            time_s = deaf.begin_s
         return int(time_s / FRAME_S + 1e-6) + 1
 
     def asked(self, time_s: float) -> tuple[float, float]:
@@ -90,7 +112,7 @@ class WheelsPlant:
         """All inputs of the sample at time_s, which `follow` has reached."""
         run, k, six = self.scenario, self._sample(time_s), self.six_counts(time_s)
         left, right = ((count + 0x8000) % 0x10000 - 0x8000 for count in self.vehicle.counts())
-        row = [*(six[place] for place in TAKEN), left, right, int(self.ridden(time_s))]
+        row = [*(six[place] for place in TAKEN), left, right, int(self._closed(time_s))]
         for fault in run.faults:
             channel = fault.channel
             if fault.start_s <= time_s < fault.stop_s:

@@ -7,7 +7,8 @@ from dataclasses import replace
 from fractions import Fraction
 
 from plumb.systems.balancer import quantise as balancer
-from plumb.systems.wheels.tuning import Riding, Turning, WheelsTuning
+from plumb.systems.wheels.tuning import Riding, Turning, Watching, WheelsTuning
+from plumb.systems.wheels.vehicle import G_MPS2
 from plumb.tuning.groups import check_numbers, not_negative, refuse, whole
 from plumb.tuning.quantise import ControlParams
 
@@ -24,6 +25,7 @@ def quantise(tuning: WheelsTuning) -> ControlParams:
     balanced = balancer.quantise(replace(tuning.balance, period_us=tuning.period_us, exact_period_s=None))
     dt = tuning.period_us * 1e-6
     own = {**balanced.own(), **_turning(tuning.turning, dt), **_riding(tuning.riding, dt)}
+    own |= _watching(tuning.watching, dt)
     return ControlParams.of("wheels", own, balanced.lsb_deg2)
 
 
@@ -54,6 +56,8 @@ def _turning(turning: Turning, dt: float) -> dict[str, int]:
         "wheels.bias_alpha_q31": _word("turning.bias_tau_s", turning.bias_tau_s, share * 2**31, 1 << 30),
         "wheels.doubt_turnps_q28": word("doubt_dps", 2**28 / TURN, 1 << 28),
         "wheels.slip_turnps_q28": word("slip_dps", 2**28 / TURN, RATE_MAX),
+        "wheels.turn_counts_q36": max(min(round(2**36 / count), GAIN_MAX), -GAIN_MAX) if count else 0,
+        "wheels.slip_mps_q26": word("slip_mps", 2**26, 1 << 29),
         "wheels.slip_hold": _steps("turning.slip_s", turning.slip_s, dt, 0),
         "wheels.turn_max_turnps_q28": word("rate_max_dps", 2**28 / TURN, RATE_MAX),
         "wheels.integral_max_q30": word("integral_max", 2**30, 1 << 30),
@@ -82,6 +86,25 @@ def _riding(riding: Riding, dt: float) -> dict[str, int]:
     }
 
 
+def _watching(watching: Watching, dt: float) -> dict[str, int]:
+    tau_s, apart_mps, rocked = watching.apart_tau_s, watching.apart_mps, watching.rocked_deg / TURN / dt * 2**28
+    if tau_s <= 0:
+        refuse("watching.apart_tau_s", tau_s, "more than 0", 0.0)
+    return {
+        "wheels.felt_mps_q26": min(round(math.tau * G_MPS2 * dt * 2**26), 1 << 30),
+        "wheels.apart_alpha_q31": _word("watching.apart_tau_s", tau_s, -math.expm1(-dt / tau_s) * 2**31, 1 << 30),
+        "wheels.apart_max_mps_q26": _word("watching.apart_mps", apart_mps, apart_mps * 2**26, 1 << 30),
+        "wheels.dead_steps": _steps("watching.dead_s", watching.dead_s, dt, 2),
+        "wheels.rocked_turnps_q28": _word("watching.rocked_deg", watching.rocked_deg, rocked, (1 << 30) - 1),
+        "wheels.full_steps": _steps("watching.full_s", watching.full_s, dt, 1),
+        "wheels.still_steps": _steps("watching.still_s", watching.still_s, dt, 1),
+    }
+
+
+def _tau_s(alpha_q31: int, dt: float) -> float:
+    return -dt / math.log1p(-alpha_q31 / 2**31) if alpha_q31 else 1e9
+
+
 def dequantise(params: ControlParams) -> WheelsTuning:
     """The tuning that the integers represent."""
     p, dt = params.values, params.period_s
@@ -102,10 +125,11 @@ def dequantise(params: ControlParams) -> WheelsTuning:
             ff_per_dps=p["turn.ff_q29"] / 2**29 / TURN,
             integral_max=p["wheels.integral_max_q30"] / 2**30,
             duty_max=p["wheels.turn_duty_max_q15"] / 2**15,
-            bias_tau_s=-dt / math.log1p(-p["wheels.bias_alpha_q31"] / 2**31) if p["wheels.bias_alpha_q31"] else 1e9,
+            bias_tau_s=_tau_s(p["wheels.bias_alpha_q31"], dt),
             doubt_dps=p["wheels.doubt_turnps_q28"] / 2**28 * TURN,
             slip_dps=p["wheels.slip_turnps_q28"] / 2**28 * TURN,
             slip_s=p["wheels.slip_hold"] * dt,
+            slip_mps=p["wheels.slip_mps_q26"] / 2**26,
             wheels_max_dps=p["wheels.counts_max"] * abs(p["wheels.count_turnps_q28"]) / 2**28 * TURN,
         ),
         riding=Riding(
@@ -113,6 +137,14 @@ def dequantise(params: ControlParams) -> WheelsTuning:
             stopping_s=p["wheels.stopping_steps"] * dt,
             up_deg=p["wheels.up_turn_q32"] / 2**32 * TURN,
             lost_s=p["wheels.lost_steps"] * dt,
+        ),
+        watching=Watching(
+            apart_mps=p["wheels.apart_max_mps_q26"] / 2**26,
+            apart_tau_s=_tau_s(p["wheels.apart_alpha_q31"], dt),
+            dead_s=p["wheels.dead_steps"] * dt,
+            rocked_deg=p["wheels.rocked_turnps_q28"] / 2**28 * dt * TURN,
+            full_s=p["wheels.full_steps"] * dt,
+            still_s=p["wheels.still_steps"] * dt,
         ),
         exact_period_s=balance.exact_period_s,
     )

@@ -25,7 +25,7 @@ NAMES = (
 )  # fmt: skip
 FULL = 2.0**15
 STOPPED, RIDDEN, STOPPING = range(3)
-BIAS_MOST_DPS = 180.0
+BIAS_MOST_DPS, APART_MOST_MPS, UP_LEAST_G = 180.0, 8.0, 0.5
 CLOSED_TAKES = 4
 """Open steps that a closed step of the rider's switch outweighs."""
 KEPT_IN_SLIP = 31.0 / 32.0
@@ -36,9 +36,9 @@ KEPT_IN_SLIP = 31.0 / 32.0
 class Rider:
     """Whether somebody rides, and the receiver; times in steps."""
 
+    absent: int
     phase: int = STOPPED
     phase_steps: int = 0
-    absent: int = 0
     number: int = 0
     age: int = 0
 
@@ -50,12 +50,12 @@ class Rider:
         late = self.age >= round(tuning.riding.lost_s / tuning.period_s)
         return not number or not (receiver & 256 or late)
 
-    def step(self, tuning: WheelsTuning, present: bool, tilt_deg: float, on: bool) -> int:
+    def step(self, tuning: WheelsTuning, present: bool, blind: bool, tilt_deg: float, on: bool) -> int:
         """The phase of this step."""
         riding, before = tuning.riding, self.phase
         full = round(riding.absent_s / tuning.period_s)
         self.absent = max(self.absent - CLOSED_TAKES, 0) if present else min(self.absent + 1, full)
-        rides = present and self.absent == 0
+        rides = present and self.absent == 0 and not blind
         self.phase_steps += 1
         if not on:
             self.phase = STOPPED
@@ -63,7 +63,7 @@ class Rider:
             if rides and abs(tilt_deg) <= riding.up_deg:
                 self.phase = RIDDEN
         elif before == RIDDEN:
-            if self.absent >= full:
+            if self.absent >= full or blind:
                 self.phase = STOPPING
         elif rides:
             self.phase = RIDDEN
@@ -76,12 +76,11 @@ class Rider:
 
 @dataclass
 class TurnLoop:
-    """Bias of the gyro, slip of a wheel, loop of the turn rate. slip: steps for which a wheel still slips; counts: of
-    both wheels in the step before; excess: what balance left of the demand in the step before."""
+    """Bias of the gyro, slip of a wheel, loop of the turn rate. slip: steps for which a wheel still slips; excess: what
+    balance left of the demand in the step before."""
 
     bias_dps: float = 0.0
     slip: int = 0
-    counts: float = 0.0
     before_dps: float = 0.0
     integral: float = 0.0
     excess: float = 0.0
@@ -99,11 +98,11 @@ class TurnLoop:
             self.bias_dps = min(max(followed, -BIAS_MOST_DPS), BIAS_MOST_DPS)
         return rolled_dps, gyro_dps - self.bias_dps
 
-    def both(self, left: float, right: float) -> float:
-        """Counts of both wheels in this step; while one slips, twice those of the wheel that went on as before."""
-        steady = min(left, right, key=lambda counts: abs(2.0 * counts - self.counts))
-        self.counts = 2.0 * steady if self.slip else left + right
-        return self.counts
+    def both(self, left: float, right: float, turned: float, felt: float) -> float:
+        """Counts of both wheels in this step; while one slips, those of one and of the turn that the gyro feels: of the
+        wheel that is nearer to what is felt, counts of both in a step."""
+        by_one = 2.0 * left + turned, 2.0 * right - turned
+        return min(by_one, key=lambda counts: abs(counts - felt)) if self.slip else left + right
 
     def step(
         self, turning: Turning, period_s: float, asked_dps: float, rate_dps: float, room: float, *, drives: bool
@@ -126,6 +125,46 @@ class TurnLoop:
         return turn
 
 
+@dataclass
+class Watch:
+    """What accelerometer and wheels say of each other; times in steps. apart_mps: speed felt less that of the wheels;
+    lies: the motors stay off until the switch is off."""
+
+    apart_mps: float = 0.0
+    dead: int = 0
+    rocked_deg: float = 0.0
+    full: int = 0
+    still: int = 0
+    lies: bool = False
+    stopped: bool = False
+    drives: bool = False
+
+    def blind(self, tuning: WheelsTuning, repeats: bool) -> bool:
+        """Whether the accelerometer has repeated its counts for too long."""
+        self.still = self.still + 1 if repeats else 0
+        return self.still >= round(tuning.watching.still_s / tuning.period_s)
+
+    def step(
+        self, tuning: WheelsTuning, felt_deg: float, rate_dps: float, velocity_mps: float, duty: float, counts: bool,
+        *, on: bool,
+    ) -> bool:  # fmt: skip
+        """Whether the encoders, or the ground, lie. felt_deg: tilt that is felt beside the one estimated; duty: for
+        balance."""
+        watching, period_s = tuning.watching, tuning.period_s
+        drives = self.drives = on and not self.stopped
+        change_mps = math.radians(felt_deg) * balancer.GRAVITY_MPS2 * period_s
+        apart = self.apart_mps + math.expm1(-period_s / watching.apart_tau_s) * self.apart_mps - change_mps
+        self.apart_mps = min(max(apart, -APART_MOST_MPS), APART_MOST_MPS) if drives else 0.0
+        self.dead = 0 if not drives else 1 if counts else self.dead + (self.dead > 0)
+        self.rocked_deg = self.rocked_deg + abs(rate_dps) * period_s if drives and not counts else 0.0
+        full = drives and counts and abs(duty) >= tuning.balance.drive.duty_max
+        self.full = self.full + 1 if full else 0
+        rocks = self.dead >= round(watching.dead_s / period_s) and self.rocked_deg > watching.rocked_deg
+        moves = drives and not self.dead and abs(velocity_mps + self.apart_mps) > watching.apart_mps
+        self.lies = on and (self.lies or rocks or moves or self.full >= round(watching.full_s / period_s))
+        return self.lies
+
+
 def wrapped(counts: FloatArray) -> FloatArray:
     """Differences of 16-bit counts from step to step, 0 in the first."""
     return np.asarray((np.diff(counts, axis=0, prepend=counts[:1]) + 32768.0) % 65536.0 - 32768.0)
@@ -140,13 +179,25 @@ def one_run(tuning: WheelsTuning, raw: FloatArray, setpoint: FloatArray) -> Floa
     accel_z_g = kernels.calibrate(raw[:, 2], axis.accel_up)
     up_dps = kernels.calibrate(raw[:, 3], axis.gyro)
     left, right = wrapped(raw[:, 4]), wrapped(raw[:, 5])
-    state, rider, loop = balancer.ControlState(kernels.kalman_init(own.start)), Rider(), TurnLoop()
-    found, tilt_deg = np.zeros((len(raw), len(NAMES))), 0.0
-    wheel, hall = balancer.WheelState(), 0.0
+    state, loop, watch = balancer.ControlState(kernels.kalman_init(own.start)), TurnLoop(), Watch()
+    rider = Rider(round(tuning.riding.absent_s / period_s))
+    outside = np.any(
+        [
+            (raw[:, place] < channel.min_counts) | (raw[:, place] > channel.max_counts)
+            for place, channel in ((1, axis.accel), (2, axis.accel_up))
+        ],
+        axis=0,
+    )
+    repeats = np.any(np.diff(raw[:, 1:3], axis=0, prepend=np.inf) == 0.0, axis=1)
+    found, tilt_deg, velocity_mps = np.zeros((len(raw), len(NAMES))), 0.0, 0.0
+    wheel, hall, edges_mps = balancer.WheelState(), 0.0, own.wheel.edge_m / period_s
     for step, (roll, pitch, yaw, switches, receiver) in enumerate(raw[:, 9:14].astype(int).tolist()):
         heard = rider.hears(tuning, receiver)
         on = not rider.number or bool(switches & 1)
-        phase = rider.step(tuning, bool(raw[step, 6] > 0), tilt_deg, on)
+        odd = step > 0 and bool(outside[step - 1])
+        odd = odd or (rider.phase != STOPPED and float(accel_z_g[step - 1]) < UP_LEAST_G)
+        blind = watch.blind(tuning, odd or bool(repeats[step]))
+        phase = rider.step(tuning, bool(raw[step, 6] > 0), blind, tilt_deg, on)
         obeys = phase == RIDDEN and heard
         speed = float(pitch if rider.number else setpoint[step])
         asked_mps = obeys * float(np.clip(speed / FULL, -1.0, 1.0)) * own.speed.speed_max_mps
@@ -154,19 +205,32 @@ def one_run(tuning: WheelsTuning, raw: FloatArray, setpoint: FloatArray) -> Floa
         if phase == STOPPED:
             state.speed, state.pid = PidState(), PidState()
         rolled_dps, turn_dps = loop.measure(turning, period_s, float(up_dps[step]), float(right[step] - left[step]))
-        hall = (hall + loop.both(float(left[step]), float(right[step]))) % 65536.0
+        turned = float(np.rint(turn_dps / (math.degrees(turning.count_m / turning.track_m) / period_s)))
+        felt = (velocity_mps + watch.apart_mps) / edges_mps if watch.drives else 0.0
+        hall = (hall + loop.both(float(left[step]), float(right[step]), turned, felt)) % 65536.0
+        has_mps = velocity_mps
         _, velocity_mps, wheel_g = balancer.wheel_step(wheel, own.wheel, period_s, hall)
         gravity_g, up_g = float(accel_x_g[step]) + wheel_g, float(accel_z_g[step])
         z_deg, r_deg2 = kernels.tilt(gravity_g, up_g, own.tilt), kernels.trust(gravity_g, up_g, own.trust)
+        z_deg = tilt_deg if blind or odd else z_deg
+        wanted_mps = asked_mps
+        if loop.slip:
+            wanted_mps = min(max(asked_mps, has_mps - turning.slip_mps), has_mps + turning.slip_mps)
         now = balancer.control_step(
-            state, own, float(rate_dps[step]), float(z_deg), float(r_deg2), velocity_mps, wheel_g, asked_mps
+            state, own, float(rate_dps[step]), float(z_deg), float(r_deg2), velocity_mps, wheel_g, wanted_mps
         )
         tilt_deg, duty = float(now["tilt_deg"]), float(now["duty"])
-        drives = phase != STOPPED and not state.fallen
+        counts, felt_deg = bool(left[step] or right[step]), float(kernels.wrap(float(z_deg) - tilt_deg))
+        rate = float(now["rate_corrected_dps"])
+        lies = watch.step(tuning, felt_deg, rate, velocity_mps, duty, counts, on=on)
+        drives = phase != STOPPED and not state.fallen and not lies
+        watch.stopped = (on and not drives) or bool(state.fallen)
+        if loop.slip:
+            duty = min(max(2.0 * duty, -own.drive.duty_max), own.drive.duty_max)
         room = min(own.drive.duty_max - abs(duty), turning.duty_max)
         turn = loop.step(turning, period_s, asked_dps, turn_dps, room, drives=drives)
         found[step] = [
-            tilt_deg, float(now["rate_corrected_dps"]), velocity_mps, float(now["lean_deg"]), duty, asked_mps,
+            tilt_deg, rate, velocity_mps, float(now["lean_deg"]), duty, asked_mps,
             asked_dps, turn_dps, loop.bias_dps, rolled_dps, drives * (duty - turn), drives * (duty + turn),
         ]  # fmt: skip
     return found

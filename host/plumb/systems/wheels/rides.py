@@ -6,7 +6,9 @@ come from in front and behind, and rough ground disturbs it all the time, as in 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 HELD_S, BEGINS_S = 3.0, 6.0
 """Until when the hand holds it; when the first speed is asked for."""
@@ -15,13 +17,35 @@ HAPPENS_S = 12.0
 SPEED_MPS, TURN_DPS, TURN_S = 0.6, 60.0, 3.0
 ICE, ON_ICE_S, ON_ICE_MPS2 = 0.05, 0.3, 3.0
 
+ICY, OFF, CHATTER, DEAF, KERB, LIFT, PUSH = HAPPENINGS = ("icy", "off", "chatter", "deaf", "kerb", "lift", "push")
+"""What happens for a time, its size and number. icy: the wheels of the bits of number, 1 left, 2 right, are on ice.
+off: the rider has left; chatter: he has, but his switch closes for 20 of 300 ms, by number ms later. deaf: the receiver
+hears nothing. kerb: one stands ahead (number 1) or behind (-1). lift: hands hold it in the air, by size deg forward.
+push: by size m/s^2."""
+CHATTER_MS, CLOSED_MS = 300, 20
+LEFT, RIGHT = 1, 2
+
+
+class Happening(NamedTuple):
+    """One of HAPPENINGS, from begin_s on, before end_s."""
+
+    what: str
+    begin_s: float
+    end_s: float = math.inf
+    size: float = 0.0
+    number: int = 0
+
+    def lasts(self, time_s: float) -> bool:
+        return self.begin_s <= time_s < self.end_s
+
 
 @dataclass(frozen=True)
 class Ride:
     """slope_deg: upwards ahead. shift_m: of the centre of mass of rider and body together, forward. ice: which wheels,
     left and right, slip; for ice_s from HAPPENS_S on, with a push ON_ICE_S later. speed_mps, then_mps: asked for before
     and after that push, else speeds at random. turns: 60 deg/s and 0 in turn. leaves: the rider steps off at HAPPENS_S.
-    silent_s: of the receiver, from HAPPENS_S on; by_receiver: it steers. topples: a push that nobody can balance."""
+    silent_s: of the receiver, from HAPPENS_S on; by_receiver: it steers. topples: a push that nobody can balance.
+    happenings: what happens beside."""
 
     title: str
     seconds: float = 20.0
@@ -37,6 +61,17 @@ class Ride:
     silent_s: float = 0.0
     topples: bool = False
     pushes: bool = True
+    happenings: tuple[Happening, ...] = ()
+
+    def happens(self) -> tuple[Happening, ...]:
+        """All that happens beside pushes."""
+        on_ice = LEFT * self.ice[0] + RIGHT * self.ice[1]
+        own = (
+            Happening(ICY, HAPPENS_S, HAPPENS_S + self.ice_s, number=on_ice) if self.ice_s else None,
+            Happening(OFF, HAPPENS_S) if self.leaves else None,
+            Happening(DEAF, HAPPENS_S, HAPPENS_S + self.silent_s) if self.silent_s else None,
+        )
+        return (*(one for one in own if one), *self.happenings)
 
 
 LEVEL = Ride("level ground, pushes, a new speed every few seconds")

@@ -36,6 +36,9 @@ class Turning:
         default=60.0, metadata=quantity("deg/s", "disagreement of gyro and wheels that shows a slipping wheel")
     )
     slip_s: float = field(default=0.1, metadata=quantity("s", "time for which a wheel then counts as slipping"))
+    slip_mps: float = field(
+        default=0.1, metadata=quantity("m/s", "change of the speed that is asked for at most while a wheel slips")
+    )
     wheels_max_dps: float = field(
         default=1080.0, metadata=quantity("deg/s", "largest turn rate that the wheels may show; more is clamped")
     )
@@ -55,6 +58,32 @@ class Riding:
     )
 
 
+@dataclass(frozen=True)
+class Watching:
+    """What is not believed: encoders and accelerometer that contradict each other, and wheels in the air. The speed
+    that is felt is that of the wheels slowly and the sum of the acceleration quickly."""
+
+    apart_mps: float = field(
+        default=0.4, metadata=quantity("m/s", "speed felt beyond which wheels that never counted are not believed")
+    )
+    apart_tau_s: float = field(
+        default=1.0, metadata=quantity("s", "time constant with which the speed that is felt follows the wheels")
+    )
+    dead_s: float = field(
+        default=0.25, metadata=quantity("s", "time without a count of either wheel after which they may be dead")
+    )
+    rocked_deg: float = field(
+        default=1.5, metadata=quantity("deg", "way that the body rocks in that time if they are, to and fro together")
+    )
+    full_s: float = field(
+        default=1.0, metadata=quantity("s", "time at the full duty after which wheels that turn do so in the air")
+    )
+    still_s: float = field(
+        default=0.1,
+        metadata=quantity("s", "time with a repeated count of the accelerometer after which it is not believed"),
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class WheelsTuning(ForOnePeriod):
     """The settings of a run of `wheels`. balance: its edges are counts of both encoders together; its own period is not
@@ -66,4 +95,5 @@ class WheelsTuning(ForOnePeriod):
     balance: BalancerTuning = field(metadata=quantity(NUMBER, "balance"))
     turning: Turning = field(metadata=quantity(NUMBER, "turning"))
     riding: Riding = field(default_factory=Riding)
+    watching: Watching = field(default_factory=Watching)
     exact_period_s: float | None = None

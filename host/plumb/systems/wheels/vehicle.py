@@ -38,6 +38,10 @@ STALL_NM, NO_LOAD_RADPS, FRICTION_NM = one_motor.STALL_NM / 2.0, one_motor.NO_LO
 DEAD, CURRENT_SHARE = 0.02, 3.0 / 3.25
 """Duty below which the driver does nothing; limit of its current by the motor's at standstill."""
 GRIP = 0.8
+KERB_NPM, KERB_NSPM = 4e4, 250.0
+"""Tyre against a kerb: a stop takes some 20 ms, and hardly bounces."""
+CARRY_PER_S2, CARRY_PER_S = 100.0, 20.0
+"""Hands that hold the body: within some 0.2 s."""
 COUNTS_PER_TURN = 11 * 4 * 30
 COUNT_M = 2.0 * math.pi * RADIUS_M / COUNTS_PER_TURN
 IDEAL_TURN = 0.004
@@ -64,13 +68,23 @@ def load(shift_m: float, *, ridden: bool) -> Load:
     return Load(kg, math.hypot(kgm, ahead), BODY_KGM2 + RIDER_KG * RIDER_M**2 + more_kgm2, math.atan2(ahead, kgm))
 
 
+class Kerb(NamedTuple):
+    """A kerb in the way: where, and on which side of the vehicle, 1 ahead or -1 behind."""
+
+    way_m: float
+    side: float
+
+
 class Outside(NamedTuple):
-    """What acts on the vehicle in a step of GRID_S. push_radps2: pushes and rough ground; grip: of each wheel."""
+    """What acts on the vehicle in a step of GRID_S. push_radps2: pushes and rough ground; grip: of each wheel;
+    lifted_deg: tilt at which hands hold it in the air."""
 
     push_radps2: float
     grip: tuple[float, float]
     ridden: bool
     held: bool
+    kerb: Kerb | None = None
+    lifted_deg: float | None = None
 
 
 def motor_nm(duty: float | None, spin_radps: float, supply: float) -> float:
@@ -108,6 +122,9 @@ class Vehicle:
         torque = [
             motor_nm(duty, w - self.rate_radps, self._supply) for duty, w in zip(duties, self.spin_radps, strict=True)
         ]
+        if now.lifted_deg is not None:
+            self._carry(torque, math.radians(now.lifted_deg))
+            return
         along, about, coupling, mass, inertia = self._forces(torque, now)
         force = self._grip(torque, (along, about, coupling, mass, inertia), now)
         along += force[0] + force[1]
@@ -122,11 +139,29 @@ class Vehicle:
         centre = self.tilt_rad + body.ahead_rad
         slope = self.slope_rad()
         mass = one_motor.WHEELS_KG + body.kg
-        along = body.kgm * math.sin(centre + slope) * self.rate_radps**2 - mass * G_MPS2 * math.sin(slope)
+        whirled = self.rate_radps * self.rate_radps
+        along = body.kgm * math.sin(centre + slope) * whirled - mass * G_MPS2 * math.sin(slope)
         about = body.kgm * G_MPS2 * math.sin(centre) - torque[0] - torque[1] + body.kgm2 * (
-            now.push_radps2 + self.turn_radps**2 * math.sin(centre) * math.cos(centre)
+            now.push_radps2 + self.turn_radps * self.turn_radps * math.sin(centre) * math.cos(centre)
         )  # fmt: skip
+        if now.kerb is not None:
+            along += self._kerb_n(now.kerb)
         return along, about, body.kgm * math.cos(centre + slope), mass, body.kgm2
+
+    def _kerb_n(self, kerb: Kerb) -> float:
+        """Force of a kerb on the axle, along the way: it pushes, and never pulls."""
+        depth_m = (self.way_m - kerb.way_m) * kerb.side
+        if depth_m <= 0.0:
+            return 0.0
+        pressed = KERB_NPM * depth_m + KERB_NSPM * (self.velocity_mps * kerb.side)
+        return -kerb.side * max(pressed, 0.0)
+
+    def _carry(self, torque: list[float], lifted_rad: float) -> None:
+        """One step in the air: hands hold the body, the wheels turn freely."""
+        self.turning_radps2 = CARRY_PER_S2 * (lifted_rad - self.tilt_rad) - CARRY_PER_S * self.rate_radps
+        self.accel_mps2 = -CARRY_PER_S * self.velocity_mps
+        self.turn_radps -= CARRY_PER_S * self.turn_radps * GRID_S
+        self._move(torque, (0.0, 0.0))
 
     def _grip(
         self, torque: list[float], terms: tuple[float, float, float, float, float], now: Outside
@@ -137,7 +172,7 @@ class Vehicle:
         free, given = (inertia * along - coupling * about) / determinant, inertia / determinant
         half = TRACK_M / 2.0
         turned = half * half / UPRIGHT_KGM2
-        own, other = RADIUS_M**2 / WHEEL_KGM2 + given + turned, given - turned
+        own, other = RADIUS_M * RADIUS_M / WHEEL_KGM2 + given + turned, given - turned
         slip = [
             RADIUS_M * w - self.velocity_mps - side * half * self.turn_radps
             for w, side in zip(self.spin_radps, (-1.0, 1.0), strict=True)
@@ -195,10 +230,10 @@ class Vehicle:
 
     def force_g(self) -> tuple[float, float, float]:
         """Specific force at the sensors, in body axes: forward, to the left, up."""
-        sine, cosine, square = math.sin(self.tilt_rad), math.cos(self.tilt_rad), self.rate_radps**2
+        sine, cosine, square = math.sin(self.tilt_rad), math.cos(self.tilt_rad), self.rate_radps * self.rate_radps
         slope = self.slope_rad()
         along = self.accel_mps2 * math.cos(slope) + SENSOR_M * (self.turning_radps2 * cosine - square * sine)
-        along -= self.turn_radps**2 * SENSOR_M * sine
+        along -= self.turn_radps * self.turn_radps * SENSOR_M * sine
         up = G_MPS2 + self.accel_mps2 * math.sin(slope) - SENSOR_M * (self.turning_radps2 * sine + square * cosine)
         return (
             (along * cosine - up * sine) / G_MPS2,
