@@ -21,6 +21,8 @@ SPEED_MAX_MPS, TURN_MAX_DPS = 1.0, 90.0
 """What full sticks ask for."""
 FRAME_S, NUMBERS = 1.0 / 150.0, 255
 """The receiver hears 150 frames a second (CRSF), numbered 1 to 255 in a circle."""
+FAULTY = 8
+"""Of the truth `happening`: the bit of a fault of channel 0."""
 TAKEN = (1, 3, 5, 2)
 """Of gyro and accelerometer x, y, z: the rate about the axle, the accelerations forward and up, the rate of turning."""
 Duties = tuple[float | None, float | None]
@@ -113,10 +115,10 @@ class WheelsPlant:
         run, k, six = self.scenario, self._sample(time_s), self.six_counts(time_s)
         left, right = ((count + 0x8000) % 0x10000 - 0x8000 for count in self.vehicle.counts())
         row = [*(six[place] for place in TAKEN), left, right, int(self._closed(time_s))]
-        for fault in run.faults:
+        for place, fault in enumerate(run.faults):
             channel = fault.channel
             if fault.start_s <= time_s < fault.stop_s:
-                start, noise = self._frozen.setdefault(channel, row[channel]), run.fault_noise[channel, k]
+                start, noise = self._frozen.setdefault(place, row[channel]), run.fault_noise[channel, k]
                 found = fault.counts(np.array([row[channel]]), np.array([time_s]), start, np.array([noise]))
                 row[channel] = int(found[0])
         return (*row, 0, 0, *self._commands(time_s))
@@ -138,7 +140,8 @@ class WheelsPlant:
         return 0, pitch, yaw, MOTORS_ON if frame else 0, (frame - 1) % NUMBERS + 1 if frame else 0, 0
 
     def truth(self, time_s: float) -> dict[str, float]:
-        """True tilt, gyro bias about the axle, rate, velocity, turn rate, and what is asked for."""
+        """True tilt, gyro bias about the axle, rate, velocity, turn rate, what is asked for, and what
+        happens."""
         vehicle = self.vehicle
         speed, turn = self.asked(time_s)
         return {
@@ -149,7 +152,14 @@ class WheelsPlant:
             "turn_dps": math.degrees(vehicle.turn_radps),
             "asked_mps": speed,
             "asked_dps": turn,
+            "happening": float(self._happening(time_s)),
         }
+
+    def _happening(self, time_s: float) -> int:
+        """Bits of what happens: places of rides.HAPPENINGS, from FAULTY on those of channels with a fault."""
+        bits = sum({1 << rides.HAPPENINGS.index(one.what) for one in self._happens if one.lasts(time_s)})
+        faulty = {fault.channel for fault in self.scenario.faults if fault.start_s <= time_s < fault.stop_s}
+        return bits + sum(1 << (FAULTY + channel) for channel in faulty)
 
     def setpoint(self, time_s: float) -> int:
         """Speed that is asked for without a receiver, Q15."""
