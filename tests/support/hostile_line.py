@@ -7,7 +7,7 @@ has another throttle than any good one has: it comes in the payload of another f
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 
 from plumb.spec import crsf
@@ -48,6 +48,8 @@ class Line:
     said: list[Said] = field(default_factory=list)
     qualities: list[tuple[float, int]] = field(default_factory=list)
     disturbed: list[tuple[float, float]] = field(default_factory=list)
+    wholes: set[int] = field(default_factory=set)
+    """Where in the bytes a whole frame begins, and what is inside one of another type."""
 
     def passes(self, data: bytes) -> float:
         """These bytes pass now, without a pause; when the last one has."""
@@ -62,20 +64,41 @@ class Line:
 
     def disturb(self, data: bytes) -> None:
         begin_us = self.now_us
+        if is_whole(data):
+            self.wholes.update(range(len(self.bytes_), len(self.bytes_) + len(data)))
         self.disturbed.append((begin_us, self.passes(data)))
 
     def good(self, switch: int, throttle: int) -> None:
         serial = SERIALS[len(self.said) % len(SERIALS)]
         frame = crsf.channels([serial, 992, throttle, 992, switch])
+        self.wholes.add(len(self.bytes_))
         self.said.append(Said(frame, serial, self.passes(frame), switch, throttle))
 
     def repeat(self) -> None:
         """The last good frame once more."""
         last = self.said[-1]
+        self.wholes.add(len(self.bytes_))
         self.said.append(replace(last, end_us=self.passes(last.bytes_)))
 
     def statistics(self, quality: int) -> None:
+        self.wholes.add(len(self.bytes_))
         self.qualities.append((self.passes(crsf.statistics(quality)), quality))
+
+
+def is_whole(data: bytes) -> bool:
+    """A frame from the first byte to the last."""
+    size_fits = len(data) >= crsf.MIN_BYTES and data[0] == crsf.SYNC and data[1] + 2 == len(data) <= crsf.MAX_BYTES
+    return size_fits and crsf.crc8(data[2:-1]) == data[-1]
+
+
+def coincides(data: bytes, wholes: Collection[int]) -> bool:
+    """Elsewhere than there something looks like a frame and has the right CRC, as 1 in 256 of such does: it may hide
+    what comes behind it, or count."""
+    return any(
+        data[at] == crsf.SYNC and is_whole(data[at : at + data[at + 1] + 2])
+        for at in range(len(data) - crsf.MIN_BYTES + 1)
+        if at not in wholes
+    )
 
 
 def marked(chance: random.Random) -> bytes:
@@ -127,8 +150,16 @@ HOSTILE: tuple[Callable[[random.Random], bytes], ...] = (nested, damaged, noise,
 
 
 def drawn(seed: int, seconds: float) -> Line:
-    """A receiver whose pilot switches and moves his sticks, and anything else on the line between its frames."""
+    """A line of that seed on which nothing has the CRC of a frame by chance."""
     chance = random.Random(seed)
+    while True:
+        line = _drawn(chance, seconds)
+        if not coincides(bytes(line.bytes_), line.wholes):
+            return line
+
+
+def _drawn(chance: random.Random, seconds: float) -> Line:
+    """A receiver whose pilot switches and moves his sticks, and anything else on the line between its frames."""
     line = Line(chance)
     switch = OFF
     while line.now_us < seconds * 1e6:
