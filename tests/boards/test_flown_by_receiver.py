@@ -192,3 +192,46 @@ def test_without_the_accelerometer_it_flies_on_and_takes_it_back() -> None:
     assert 90 <= lost.sum() <= 120, "0.25 s, and up to 20 ms until it is set up again"
     assert (raw[:, 0] != -32768).all(), "no step without a rate"
     assert not lost[0] and not lost[-1]
+
+
+MOVES, CONVERGES = 1 << 1, 1 << 2
+STOPPED_UNSURE = 1 << 12
+
+
+def steps(flown: Flown, axis: int, by_dps: float) -> None:
+    """The gyro's bias steps."""
+    honest = flown.sensor.source
+
+    def source(time_s: float) -> tuple[float, float, float]:
+        felt = list(honest(time_s))
+        felt[axis] += by_dps
+        return felt[0], felt[1], felt[2]
+
+    flown.sensor.source = source
+
+
+@pytest.mark.parametrize(("axis", "by_dps"), [(0, 20.0), (0, -20.0), (1, 20.0), (2, 20.0)])
+def test_a_gyro_that_steps_by_20_deg_per_s_is_told_and_cannot_be_armed(flown: Flown, axis: int, by_dps: float) -> None:
+    """About z it looks like a turn for ever; about the other axes the acceleration shows that nothing turns, and the
+    step is learned as a bias."""
+    flown.passes(0.5, crsf.sticks())
+    said = flown.session.telemetry
+    steps(flown, axis, by_dps)
+    flown.passes(0.5, crsf.sticks())
+    assert not flown.armed and said["PLAUSIBILITY"]["missing"] & MOVES
+    flown.passes(0.3, crsf.sticks(on=True))
+    assert not flown.armed
+    flown.passes(1.2, crsf.sticks())
+    assert said["PLAUSIBILITY"]["missing"] & (MOVES if axis == 2 else CONVERGES), "2 s after the step"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("axis", "stopped"), [(0, STOPPED_UNSURE), (2, 0)])
+def test_with_the_rotors_on_a_step_of_20_deg_per_s_ends_what_stands_on_the_ground(
+    flown: Flown, axis: int, stopped: int
+) -> None:
+    """About z nothing shows it."""
+    steps(flown, axis, 20.0)
+    flown.passes(3.0, UP)
+    assert flown.session.telemetry["PLAUSIBILITY"]["disarmed_by"] == stopped
+    assert flown.armed == (stopped == 0)

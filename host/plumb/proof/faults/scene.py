@@ -126,6 +126,11 @@ class Scene:
         return systems.load(self.name, PINS)
 
     @property
+    def period_s(self) -> float:
+        """Of its steps."""
+        return systems.load(self.name).TUNINGS[self.live.TUNING].period_us * 1e-6
+
+    @property
     def adc_pins(self) -> tuple[str, ...]:
         """The pins of the raw channels; () where the sensors are digital."""
         return self.live.ADC_PINS if isinstance(self.live, AnalogPins) else ()

@@ -9,6 +9,7 @@ from plumb import systems
 from plumb.errors import UsageError
 from plumb.proof.faults import (
     armings,
+    axes,
     buses,
     clock,
     flights,
@@ -30,7 +31,7 @@ FAULTS: tuple[Fault, ...] = (
     *sensors.FAULTS, *buses.FAULTS, *clock.FAULTS, *power.FAULTS, *memory.FAULTS, *registers.FAULTS,
     *host.FAULTS,
     *armings.FAULTS, *samples.FAULTS, *frames.FAULTS, *hangs.FAULTS,
-    *flights.FAULTS, *takeoffs.FAULTS,
+    *flights.FAULTS, *takeoffs.FAULTS, *axes.FAULTS,
 )  # fmt: skip
 
 
