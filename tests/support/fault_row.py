@@ -1,5 +1,6 @@
 """Run one row of the fault table on the first system that has it, in a process of its own; prints JSON. The systems of
-the image of all systems come first: a row that one of them has needs no other image.
+the image of all systems come first: a row that one of them has needs no other image. A row of pilots alone is for the
+system that flies: the image of all systems, which lacks it, may be that of another defect.
 
     python -m support.fault_row NAME[@FEATURE] PHASES
 
@@ -18,6 +19,7 @@ from plumb.proof.faults import table
 from plumb.proof.faults.runner import Runner
 from plumb.proof.faults.scene import scenarios_of
 from plumb.spec import images
+from support.defect_tree import system_of_row
 
 
 def run(name: str, phases: int) -> tuple[str, str]:
@@ -25,7 +27,9 @@ def run(name: str, phases: int) -> tuple[str, str]:
     a row that no system has."""
     name, _, feature = name.partition("@")
     faults = [fault for fault in table.FAULTS if fault.name == name]
-    for system in sorted(table.tested_systems(), key=lambda system: images.running(system) is not None):
+    alone = system_of_row(name)
+    by_image = sorted(table.tested_systems(), key=lambda system: images.running(system) is not None)
+    for system in by_image if alone is None else [alone]:
         with Runner(system, phases=phases, scenario=scenarios_of(system)[0]) as runner:
             try:
                 here = feature in ("", *runner.scene("serial")[0].features)

@@ -52,7 +52,6 @@ static uint32_t checked_us;              /* since a setting was read again */
 static uint32_t checked;                 /* sensor of that setting */
 static bool gave_six_axes;               /* since imu_use() */
 static uint32_t unjudged;                /* sensors whose last counts are not judged yet, bit 0 is the gyro */
-static uint32_t stuck;                   /* sensors that are to be set up anew, because they are stuck */
 
 static bool on_spi(uint32_t sensor) {
     return sensor == ACCEL && use.accel_bus == BOARD_ACCEL_SPI;
@@ -113,7 +112,7 @@ static void lose(uint8_t cause) {
     s->up = false;
     s->step = 0u;
     s->awaited_ms = 0u;
-    unjudged = stuck = 0u;
+    unjudged = 0u;
     s->wait_ms = active == GYRO ? 0u : RETRY_MS;
     tries = 0u;
     phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
@@ -157,11 +156,9 @@ static void next_step(void) {
     }
     s->up = true;
     phase = REST;
-    if (s->cause != BOARD_SENSOR_STUCK) { /* a stuck sensor has to deliver a changed sample first */
-        s->cause = BOARD_SENSOR_GOOD;
-        if (chip_count() == 1u) {
-            sensors[ACCEL].cause = BOARD_SENSOR_GOOD;
-        }
+    s->cause = BOARD_SENSOR_GOOD;
+    if (chip_count() == 1u) {
+        sensors[ACCEL].cause = BOARD_SENSOR_GOOD;
     }
 }
 
@@ -191,11 +188,7 @@ static void judge_last(void) {
             continue;
         }
         const imu_still_t *const beside = both && sensor == GYRO ? still_of(ACCEL) : NULL;
-        const uint8_t cause = imu_counts_judge(sensor, &use, still_of(sensor), beside, period_us);
-        if (cause == BOARD_SENSOR_STUCK && sensors[sensor].cause != cause && (!both || sensor == GYRO)) {
-            stuck |= 1u << sensor;
-        }
-        sensors[sensor].cause = cause;
+        sensors[sensor].cause = imu_counts_judge(sensor, &use, still_of(sensor), beside, period_us);
     }
     unjudged = 0u;
 }
@@ -208,12 +201,14 @@ static void publish(void) {
     imu_counts_publish(&use, no_rate, no_force);
 }
 
-/* Ends a sample; when it is time, reads the next setting again. Of each chip the settings lie between its
- * identity, the first step, and its first sample, the last one. */
+/* Ends a sample; when it is time, reads the next setting again: after a dip of its supply a chip is asleep,
+ * and its counts stand still. A shorter period has room for that only once something is wrong. Of each chip
+ * the settings lie between its identity, the first step, and its first sample, the last one. */
 static void check_in_turn(void) {
     phase = REST;
     checked_us += period_us;
-    if (checked_us < CHECK_US || period_us < CHECK_PERIOD_MIN_US) {
+    const bool good = (sensors[GYRO].cause | sensors[ACCEL].cause) == BOARD_SENSOR_GOOD;
+    if (checked_us < CHECK_US || (good && period_us < CHECK_PERIOD_MIN_US)) {
         return;
     }
     checked_us = 0u;
@@ -283,12 +278,7 @@ void imu_transferred(transfer_t result) {
         access();
     } else {
         publish();
-        if (stuck != 0u) { /* after a dip of its supply a chip is asleep */
-            active = (stuck & 1u << GYRO) != 0u ? GYRO : ACCEL;
-            lose(BOARD_SENSOR_STUCK);
-        } else {
-            check_in_turn();
-        }
+        check_in_turn();
     }
 }
 
@@ -377,7 +367,7 @@ void imu_use(const board_sensors_t *wanted) {
         sensors[i] = (sensor_t){.cause = used ? BOARD_SENSOR_STARTING : BOARD_SENSOR_GOOD};
     }
     imu_counts_clear();
-    unjudged = stuck = 0u;
+    unjudged = 0u;
     tries = 0u;
     gave_six_axes = false;
     if (used) {
