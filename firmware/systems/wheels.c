@@ -1,4 +1,5 @@
 #include "plumb/wheels.h"
+#include "core/axis.h"
 #include "core/calibration.h"
 #include "core/fixed.h"
 #include "core/rate_loop.h"
@@ -145,7 +146,9 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     const bool repeats = !first && (raw[ACCEL_X] == w->raw[ACCEL_X] || raw[ACCEL_Z] == w->raw[ACCEL_Z]);
     w->still_steps = in_a_row(w->still_steps, odd || repeats, q->still_steps);
     const bool blind = w->still_steps >= q->still_steps;
-    for (unsigned i = 0; i < INPUTS; i++)
+    axis_record_raw(w->raw, raw);
+    axis_record_raw(w->raw + 6, raw + 6);
+    for (unsigned i = 12; i < INPUTS; i++)
         w->raw[i] = raw[i];
     w->setpoint_speed_q15 = setpoint_speed_q15;
     w->step++;
@@ -175,7 +178,7 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     plumb_balancer_step(&c->balancer, p, one_wheel, wanted);
     take_balancer(w, b);
 
-    flags |= b->flags | doubt(w, q, on, (left | right) != 0, p->drive.duty_max_q15);
+    flags |= b->flags | doubt(w, q, on, left, right, p->drive.duty_max_q15);
     w->stop_reason = stopped_by(w, flags, on, blind);
     const bool drives = on && w->stop_reason == 0U;
     rate_loop_step(&w->turn, &p->turn, INT32_MAX, q->integral_max_q30, w->asked_turnps_q28,

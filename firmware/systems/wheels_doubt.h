@@ -22,35 +22,43 @@ KERNEL uint32_t in_a_row(uint32_t steps, bool again, uint32_t most) {
     return again ? min_u32(steps + 1U, most) : 0U;
 }
 
+/* Steps since the last one with a count of a wheel, that one counted, up to the most; 0: none since it drives. */
+KERNEL uint32_t since_count(uint32_t steps, int32_t counts, uint32_t most) {
+    return counts != 0 ? 1U : steps != 0U ? min_u32(steps + 1U, most) : 0U;
+}
+
 /* What accelerometer and wheels say of each other, after the step of balancer. The speed that is felt is that
  * of the wheels slowly, and the sum of the acceleration quickly. Encoders turn with the body as well as with
  * the wheels: those that have counted and stand still while the body rocks are dead, as are those that never
  * counted while it moves. Wheels that get the full duty for long, and turn, turn in the air. */
-KERNEL uint32_t doubt(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool on, bool counts,
-                      int32_t duty_max_q15) {
+KERNEL uint32_t doubt(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool on, int32_t left,
+                      int32_t right, int32_t duty_max_q15) {
     const uint32_t kept = on ? w->flags & (PLUMB_WHEELS_FLAG_ENCODERS | PLUMB_WHEELS_FLAG_LIFTED) : 0U;
     if (!on || w->stop_reason != 0U) {
-        w->apart_mps_q26 = w->felt_mps_q26 = 0;
-        w->dead_steps = w->rocked_turnps_q28 = w->full_steps = 0U;
+        w->apart_mps_q26 = 0;
+        w->left_steps = w->right_steps = w->rocked_turnps_q28 = w->full_steps = 0U;
         return kept;
     }
     const int32_t felt = sub_wrap(w->tilt_measured_turn_q32, w->tilt_turn_q32);
     const int32_t faded = w->apart_mps_q26 - 2 * mulhi_i32(w->apart_mps_q26, q->apart_alpha_q31);
+    const bool counts = (left | right) != 0;
     w->apart_mps_q26 = clamp_i32(faded - mulhi_i32(felt, q->felt_mps_q26), -APART_MOST, APART_MOST);
-    w->felt_mps_q26 = w->wheel.velocity_mps_q26 + w->apart_mps_q26;
+    w->left_steps = since_count(w->left_steps, left, q->dead_steps);
+    w->right_steps = since_count(w->right_steps, right, q->dead_steps);
     w->full_steps =
         in_a_row(w->full_steps, counts && (int32_t)abs_u32(w->duty_q15) >= duty_max_q15, q->full_steps);
     const uint32_t lifted = w->full_steps >= q->full_steps ? PLUMB_WHEELS_FLAG_LIFTED : 0U;
     if (counts) {
-        w->dead_steps = 1U;
         w->rocked_turnps_q28 = 0U;
         return kept | lifted;
     }
-    w->dead_steps = w->dead_steps != 0U ? min_u32(w->dead_steps + 1U, q->dead_steps) : 0U;
     w->rocked_turnps_q28 =
         min_u32(w->rocked_turnps_q28 + abs_u32(w->rate_corrected_turnps_q28), ROCKED_MOST);
-    const bool rocks = w->dead_steps >= q->dead_steps && w->rocked_turnps_q28 > q->rocked_turnps_q28;
-    const bool moves = w->dead_steps == 0U && abs_u32(w->felt_mps_q26) > (uint32_t)q->apart_max_mps_q26;
+    const bool rocks = min_u32(w->left_steps, w->right_steps) >= q->dead_steps &&
+                       w->rocked_turnps_q28 > q->rocked_turnps_q28;
+    const bool moves =
+        (w->left_steps | w->right_steps) == 0U &&
+        abs_u32(w->wheel.velocity_mps_q26 + w->apart_mps_q26) > (uint32_t)q->apart_max_mps_q26;
     return kept | lifted | (rocks || moves ? PLUMB_WHEELS_FLAG_ENCODERS : 0U);
 }
 
@@ -68,15 +76,20 @@ KERNEL uint32_t beside(const plumb_wheel_params_t *p, int32_t counts, int32_t fe
     return abs_u32(sub_wrap(clamp_i32(counts, -p->edges_max, p->edges_max) * p->edge_mps_q26, felt));
 }
 
-/* Counts of both wheels in this step; while one slips, those of one of them and of the turn that the gyro
- * feels: of the wheel that is nearer to the speed that the accelerometer has felt. */
+/* Counts of both wheels in this step. While one slips, those of one of them and of the turn that the gyro
+ * feels: of the wheel that is nearer to the speed that the accelerometer has felt; of the one that counts where
+ * the other one does not. */
 KERNEL int32_t both(const plumb_wheels_words_t *w, const plumb_params_t *p, int32_t left, int32_t right) {
-    if (w->slip_steps == 0U)
+    const uint32_t dead = p->wheels.dead_steps;
+    const bool one = (w->left_steps >= dead) != (w->right_steps >= dead);
+    if (w->slip_steps == 0U && !one)
         return left + right;
     const int32_t turned = asr32(mulhi_i32(w->turn_rate_turnps_q28, p->wheels.turn_counts_q36) + 8, 4);
     const int32_t by_left = 2 * left + turned, by_right = 2 * right - turned;
-    const bool by = beside(&p->wheel, by_left, w->felt_mps_q26) <= beside(&p->wheel, by_right, w->felt_mps_q26);
-    return by ? by_left : by_right;
+    const int32_t felt = w->wheel.velocity_mps_q26 + w->apart_mps_q26;
+    if (one)
+        return w->right_steps >= dead ? by_left : by_right;
+    return beside(&p->wheel, by_left, felt) <= beside(&p->wheel, by_right, felt) ? by_left : by_right;
 }
 
 #endif

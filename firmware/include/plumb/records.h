@@ -275,8 +275,8 @@ typedef struct {
     uint32_t receiver_number; /* number of the receiver's newest frame; 0: no receiver is in use */
     uint32_t age_steps; /* steps since a new frame of the receiver */
     int32_t apart_mps_q26; /* speed that the accelerometer has felt less that of the wheels */
-    int32_t felt_mps_q26; /* speed that is felt: that of the wheels slowly, the sum of the acceleration quickly */
-    uint32_t dead_steps; /* steps since the last one with a count of either wheel, that one counted, up to wheels.dead_steps; 0: none since it drives */
+    uint32_t left_steps; /* steps since the last one with a count of the left wheel, that one counted, up to wheels.dead_steps; 0: none since it drives */
+    uint32_t right_steps; /* the same of the right wheel */
     uint32_t rocked_turnps_q28; /* sum of the rate's size in the steps since a count of either wheel */
     uint32_t full_steps; /* steps at the full duty with wheels that turn, up to wheels.full_steps */
     uint32_t still_steps; /* steps with a count of the accelerometer as in the step before, or without half of gravity, or outside its range, up to wheels.still_steps */

@@ -29,7 +29,7 @@ class Prescribed:
 class Scenario(Steps):
     """One run. Grid: push_radps2, of every GRID_S. Samples: asked_mps, asked_dps; white: (steps, 6), of the sensors;
     vibration_g: (steps, 3); fault_noise: (channels, steps). imu: unit normal errors of the sensors; supply: battery by
-    its nominal voltage. ideal: gives the ride of the ideal controller in this run."""
+    its nominal voltage. ideal: gives the ride of the ideal controller in this run. events: how many were drawn."""
 
     name: str
     seed: int
@@ -45,6 +45,7 @@ class Scenario(Steps):
     fault_noise: FloatArray
     ideal: Callable[[Scenario], Prescribed]
     faults: tuple[Fault, ...] = ()
+    events: int = 0
 
     @property
     def steps(self) -> int:

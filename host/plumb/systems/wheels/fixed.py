@@ -53,9 +53,9 @@ class ControlState:
     tilt: Integer
     bias: Integer
     sum: Integer
+    velocity: Integer
     apart: Integer
-    felt: Integer
-    dead: Integer
+    since: tuple[Integer, Integer]
     rocked: Integer
     full: Integer
     still: Integer
@@ -76,7 +76,8 @@ def control_init(p: Params) -> ControlState:
     loop = RateLoopState(zero, zero, zero, zero)
     return ControlState(
         balancer.control_init(p), loop, (zero, zero), phase=zero + STOPPED, tilt=zero, bias=zero, sum=zero,
-        apart=zero, felt=zero, dead=zero, rocked=zero, full=zero, still=zero, acceleration=(zero, zero), up=zero,
+        velocity=zero, apart=zero, since=(zero, zero), rocked=zero, full=zero, still=zero,
+        acceleration=(zero, zero), up=zero,
         stop_reason=zero, flags=zero, slip=zero, absent=p["wheels.absent_steps"] + zero, phase_steps=zero, number=zero,
         age=zero, step=zero,
     )  # fmt: skip
@@ -155,33 +156,46 @@ def still(c: ControlState, p: Params, raw: Sequence[Integer], odd: Integer, firs
 
 
 def both(c: ControlState, p: Params, left: Integer, right: Integer, rate: Integer) -> Integer:
-    """Counts of both wheels in a step; while one slips, those of one and of the turn that the gyro feels: of the wheel
-    that is nearer to the speed felt."""
+    """Counts of both wheels in a step. While one slips, those of one and of the turn that the gyro feels: of the wheel
+    that is nearer to the speed felt; of the one that counts where the other one does not."""
     most, edge = p["wheel.edges_max"], p["wheel.edge_mps_q26"]
     turned = (mul(rate, p["wheels.turn_counts_q36"]) + 8) >> 4
     by_left, by_right = 2 * left + turned, 2 * right - turned
-    beside = [abs(wrap_i32(clamp(counts, -most, most) * edge - c.felt)) for counts in (by_left, by_right)]
+    felt = c.velocity + c.apart
+    beside = [abs(wrap_i32(clamp(counts, -most, most) * edge - felt)) for counts in (by_left, by_right)]
     nearer = select(beside[0] <= beside[1], by_left, by_right)
-    return select(c.slip != 0, nearer, left + right)
+    dead_left, dead_right = (since >= p["wheels.dead_steps"] for since in c.since)
+    counting = select(dead_right, by_left, by_right)
+    return select(dead_left != dead_right, counting, select(c.slip != 0, nearer, left + right))
 
 
-def doubt(c: ControlState, p: Params, record: Sequence[Integer], counts: Integer, on: Integer) -> Integer:
+def since_count(steps: Integer, counts: Integer, most: Integer) -> Integer:
+    """Steps since the last one with a count of a wheel, that one counted; 0: none since it drives."""
+    return select(counts != 0, 0 * steps + 1, select(steps != 0, clamp(steps + 1, 0, most), steps))
+
+
+def doubt(
+    c: ControlState, p: Params, record: Sequence[Integer], wheels: tuple[Integer, Integer], on: Integer
+) -> Integer:
     """Flags of encoders without counts and of wheels in the air, from what is felt. record: of balancer."""
     drives, duty = on & (c.stop_reason == 0), record[BALANCER_DUTY]
+    counts, c.velocity = wheels[0] | wheels[1], record[BALANCER_VELOCITY]
     felt = wrap_i32(record[BALANCER_MEASURED] - c.tilt)
     faded = c.apart - 2 * mul(c.apart, p["wheels.apart_alpha_q31"])
     apart = clamp(faded - mul(felt, p["wheels.felt_mps_q26"]), -APART_MOST, APART_MOST)
     c.apart = select(drives, apart, 0 * apart)
-    speed = record[BALANCER_VELOCITY] + c.apart
-    c.felt = select(drives, speed, 0 * speed)
-    since = select(c.dead != 0, clamp(c.dead + 1, 0, p["wheels.dead_steps"]), c.dead)
-    c.dead = select(drives, select(counts != 0, 0 * since + 1, since), 0 * since)
+    left, right = (
+        select(drives, since_count(steps, one, p["wheels.dead_steps"]), 0 * steps)
+        for steps, one in zip(c.since, wheels, strict=True)
+    )
+    c.since = left, right
     rocked = clamp(c.rocked + abs(record[BALANCER_RATE]), 0, ROCKED_MOST)
     c.rocked = select(drives & (counts == 0), rocked, 0 * rocked)
     full = drives & (counts != 0) & (abs(duty) >= p["drive.duty_max_q15"])
     c.full = in_a_row(c.full, full, p["wheels.full_steps"])
-    rocks = (c.dead >= p["wheels.dead_steps"]) & (c.rocked > p["wheels.rocked_turnps_q28"])
-    moves = drives & (c.dead == 0) & (abs(c.felt) > p["wheels.apart_max_mps_q26"])
+    dead = (left >= p["wheels.dead_steps"]) & (right >= p["wheels.dead_steps"])
+    rocks = dead & (c.rocked > p["wheels.rocked_turnps_q28"])
+    moves = drives & ((left | right) == 0) & (abs(c.velocity + c.apart) > p["wheels.apart_max_mps_q26"])
     kept = select(on, c.flags & (ENCODERS | LIFTED), 0 * c.flags)
     return kept | select(rocks | moves, ENCODERS, 0) | select(c.full >= p["wheels.full_steps"], LIFTED, 0)
 
@@ -228,7 +242,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     record = balancer.control_step(b, p, one_wheel, select(slips, clamp(asked, has - most, has + most), asked))
     c.up, c.tilt, duty = record[BALANCER_UP], record[BALANCER_TILT], record[BALANCER_DUTY]
 
-    flags = record[-2] | turn_flags | doubt(c, p, record, left | right, on)
+    flags = record[-2] | turn_flags | doubt(c, p, record, (left, right), on)
     c.stop_reason = stop_reason = stopped_by(c, flags, on, blind)
     drives = on & (stop_reason == 0)
     shared = Conditions((1 << 31) - 1, p["wheels.integral_max_q30"], drives, landed=slips != 0)
@@ -247,7 +261,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.flags = flags
     return (
         *raw, setpoint, c.phase, *record[VALUES], asked, asked_turn, gyro, rolled, c.bias, rate, *c.turn.words(),
-        c.sum, c.slip, c.phase_steps, c.absent, c.number, c.age, c.apart, c.felt, c.dead, c.rocked, c.full, c.still,
+        c.sum, c.slip, c.phase_steps, c.absent, c.number, c.age, c.apart, *c.since, c.rocked, c.full, c.still,
         stop_reason, select(drives, turn, 0 * turn), *duties, flags, c.step,
     )  # fmt: skip
 

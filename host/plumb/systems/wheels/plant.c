@@ -33,18 +33,25 @@ static bool closed(const vehicle_t *v, double time_s) {
     return since_ms % (int32_t)v->is->chatter_ms < (int32_t)v->is->closed_ms;
 }
 
+/* Bits of the wheels on ice. */
+static uint32_t icy_wheels(const vehicle_t *v, double time_s) {
+    uint32_t icy = 0;
+    for (int32_t i = 0; i < (int32_t)v->is->happenings; i++)
+        if ((happening_t)row_of(v, i)[0] == ICY && lasts(row_of(v, i), time_s))
+            icy |= (uint32_t)row_of(v, i)[4];
+    return icy;
+}
+
 static outside_t outside(vehicle_t *v, double time_s) {
     const numbers_t *is = v->is;
     outside_t now = {.push_radps2 = signal_of(v, PUSH_RADPS2)[v->step % v->run->points]};
-    uint32_t icy = 0;
+    const uint32_t icy = icy_wheels(v, time_s);
     for (int32_t i = 0; i < (int32_t)is->happenings; i++) {
         const double *row = row_of(v, i);
         if (!lasts(row, time_s))
             continue;
         if ((happening_t)row[0] == PUSH) {
             now.push_radps2 += is->push_radps2_per_mps2 * row[3];
-        } else if ((happening_t)row[0] == ICY) {
-            icy |= (uint32_t)row[4];
         } else if ((happening_t)row[0] == KERB) {
             if (!v->kerb_stands[i])
                 v->kerb_m[i] = v->way_m;
@@ -145,6 +152,8 @@ static void sample(void *plant, int32_t k, double time_s, int16_t *counts, doubl
     truth[5] = signal_of(v, ASKED_MPS)[at];
     truth[6] = signal_of(v, ASKED_DPS)[at];
     truth[7] = happening_bits(v, time_s);
+    truth[8] = icy_wheels(v, time_s);
+    truth[9] = vehicle_slope_rad(v) * DEG_PER_RAD;
 }
 
 static int32_t setpoint(const void *plant) {
@@ -167,9 +176,9 @@ __attribute__((visibility("default"))) const plant_t plumb_plant_wheels = {
      * asked for (steps) each, noise (steps, 6), vibration (steps, 3), of faults (7, steps). */
     .signals = "gyro_matrix,gyro_bias_dps,gyro_warm_up_dps,accel_offset_g,happenings,push_radps2,asked_mps,"
                "asked_dps,white,vibration_g,fault_noise",
-    .truth = "tilt_deg,bias_dps,rate_dps,velocity_mps,turn_dps,asked_mps,asked_dps,happening",
+    .truth = "tilt_deg,bias_dps,rate_dps,velocity_mps,turn_dps,asked_mps,asked_dps,happening,icy,slope_deg",
     .bytes = sizeof(vehicle_t),
-    .truths = 8,
+    .truths = 10,
     .begin = begin,
     .follow = follow,
     .sample = sample,

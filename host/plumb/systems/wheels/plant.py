@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -64,14 +66,12 @@ class WheelsPlant:
     def outside(self, time_s: float) -> Outside:
         """What acts on the vehicle in the step that begins then."""
         rough = self.scenario.push_radps2
-        push, ice, kerb, held_deg = float(rough[self.step % len(rough)]), 0, None, None
+        push, ice, kerb, held_deg = float(rough[self.step % len(rough)]), self._icy(time_s), None, None
         for place, one in enumerate(self._happens):
             if not one.lasts(time_s):
                 continue
             if one.what == rides.PUSH:
                 push += PUSH_RADPS2_PER_MPS2 * one.size
-            elif one.what == rides.ICY:
-                ice |= one.number
             elif one.what == rides.KERB:
                 kerb = Kerb(self._kerbs_m.setdefault(place, self.vehicle.way_m), float(one.number))
             elif one.what == rides.LIFT:
@@ -153,7 +153,14 @@ class WheelsPlant:
             "asked_mps": speed,
             "asked_dps": turn,
             "happening": float(self._happening(time_s)),
+            "icy": float(self._icy(time_s)),
+            "slope_deg": math.degrees(vehicle.slope_rad()),
         }
+
+    def _icy(self, time_s: float) -> int:
+        """Bits of the wheels on ice."""
+        wheels = [one.number for one in self._happens if one.what == rides.ICY and one.lasts(time_s)]
+        return functools.reduce(operator.or_, wheels, 0)
 
     def _happening(self, time_s: float) -> int:
         """Bits of what happens: places of rides.HAPPENINGS, from FAULTY on those of channels with a fault."""

@@ -98,10 +98,13 @@ class TurnLoop:
             self.bias_dps = min(max(followed, -BIAS_MOST_DPS), BIAS_MOST_DPS)
         return rolled_dps, gyro_dps - self.bias_dps
 
-    def both(self, left: float, right: float, turned: float, felt: float) -> float:
+    def both(self, left: float, right: float, turned: float, felt: float, dead: tuple[bool, bool]) -> float:
         """Counts of both wheels in this step; while one slips, those of one and of the turn that the gyro feels: of the
-        wheel that is nearer to what is felt, counts of both in a step."""
+        wheel that is nearer to what is felt, counts of both in a step; of the one that counts where the other one is
+        dead."""
         by_one = 2.0 * left + turned, 2.0 * right - turned
+        if dead[0] != dead[1]:
+            return by_one[0] if dead[1] else by_one[1]
         return min(by_one, key=lambda counts: abs(counts - felt)) if self.slip else left + right
 
     def step(
@@ -131,7 +134,7 @@ class Watch:
     lies: the motors stay off until the switch is off."""
 
     apart_mps: float = 0.0
-    dead: int = 0
+    since: tuple[int, int] = (0, 0)
     rocked_deg: float = 0.0
     full: int = 0
     still: int = 0
@@ -139,14 +142,19 @@ class Watch:
     stopped: bool = False
     drives: bool = False
 
+    def dead(self, tuning: WheelsTuning) -> tuple[bool, bool]:
+        """Of each wheel: whether it has not counted for long."""
+        left, right = (steps >= round(tuning.watching.dead_s / tuning.period_s) for steps in self.since)
+        return left, right
+
     def blind(self, tuning: WheelsTuning, repeats: bool) -> bool:
         """Whether the accelerometer has repeated its counts for too long."""
         self.still = self.still + 1 if repeats else 0
         return self.still >= round(tuning.watching.still_s / tuning.period_s)
 
     def step(
-        self, tuning: WheelsTuning, felt_deg: float, rate_dps: float, velocity_mps: float, duty: float, counts: bool,
-        *, on: bool,
+        self, tuning: WheelsTuning, felt_deg: float, rate_dps: float, velocity_mps: float, duty: float,
+        wheels: tuple[float, float],        *, on: bool,
     ) -> bool:  # fmt: skip
         """Whether the encoders, or the ground, lie. felt_deg: tilt that is felt beside the one estimated; duty: for
         balance."""
@@ -155,12 +163,16 @@ class Watch:
         change_mps = math.radians(felt_deg) * balancer.GRAVITY_MPS2 * period_s
         apart = self.apart_mps + math.expm1(-period_s / watching.apart_tau_s) * self.apart_mps - change_mps
         self.apart_mps = min(max(apart, -APART_MOST_MPS), APART_MOST_MPS) if drives else 0.0
-        self.dead = 0 if not drives else 1 if counts else self.dead + (self.dead > 0)
+        left, right = (
+            0 if not drives else 1 if one else steps + (steps > 0)
+            for steps, one in zip(self.since, wheels, strict=True)
+        )
+        self.since, counts = (left, right), any(wheels)
         self.rocked_deg = self.rocked_deg + abs(rate_dps) * period_s if drives and not counts else 0.0
         full = drives and counts and abs(duty) >= tuning.balance.drive.duty_max
         self.full = self.full + 1 if full else 0
-        rocks = self.dead >= round(watching.dead_s / period_s) and self.rocked_deg > watching.rocked_deg
-        moves = drives and not self.dead and abs(velocity_mps + self.apart_mps) > watching.apart_mps
+        rocks = min(self.since) >= round(watching.dead_s / period_s) and self.rocked_deg > watching.rocked_deg
+        moves = drives and not any(self.since) and abs(velocity_mps + self.apart_mps) > watching.apart_mps
         self.lies = on and (self.lies or rocks or moves or self.full >= round(watching.full_s / period_s))
         return self.lies
 
@@ -207,7 +219,7 @@ def one_run(tuning: WheelsTuning, raw: FloatArray, setpoint: FloatArray) -> Floa
         rolled_dps, turn_dps = loop.measure(turning, period_s, float(up_dps[step]), float(right[step] - left[step]))
         turned = float(np.rint(turn_dps / (math.degrees(turning.count_m / turning.track_m) / period_s)))
         felt = (velocity_mps + watch.apart_mps) / edges_mps if watch.drives else 0.0
-        hall = (hall + loop.both(float(left[step]), float(right[step]), turned, felt)) % 65536.0
+        hall = (hall + loop.both(float(left[step]), float(right[step]), turned, felt, watch.dead(tuning))) % 65536.0
         has_mps = velocity_mps
         _, velocity_mps, wheel_g = balancer.wheel_step(wheel, own.wheel, period_s, hall)
         gravity_g, up_g = float(accel_x_g[step]) + wheel_g, float(accel_z_g[step])
@@ -220,9 +232,9 @@ def one_run(tuning: WheelsTuning, raw: FloatArray, setpoint: FloatArray) -> Floa
             state, own, float(rate_dps[step]), float(z_deg), float(r_deg2), velocity_mps, wheel_g, wanted_mps
         )
         tilt_deg, duty = float(now["tilt_deg"]), float(now["duty"])
-        counts, felt_deg = bool(left[step] or right[step]), float(kernels.wrap(float(z_deg) - tilt_deg))
+        felt_deg = float(kernels.wrap(float(z_deg) - tilt_deg))
         rate = float(now["rate_corrected_dps"])
-        lies = watch.step(tuning, felt_deg, rate, velocity_mps, duty, counts, on=on)
+        lies = watch.step(tuning, felt_deg, rate, velocity_mps, duty, (float(left[step]), float(right[step])), on=on)
         drives = phase != STOPPED and not state.fallen and not lies
         watch.stopped = (on and not drives) or bool(state.fallen)
         if loop.slip:

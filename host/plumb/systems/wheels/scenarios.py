@@ -9,10 +9,12 @@ truth, and the words of the duties move nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
+from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.imu import DRAWS, MPU6050
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
@@ -23,7 +25,7 @@ from plumb.systems.balancer import vehicle as one_motor
 from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.systems.contracts import Plant
 from plumb.systems.run_length import length_s
-from plumb.systems.wheels import rides
+from plumb.systems.wheels import random_rides, rides
 from plumb.systems.wheels.drawn_run import Scenario
 from plumb.systems.wheels.plant import SPEED_MAX_MPS, TURN_MAX_DPS, WheelsPlant, prescribed
 from plumb.systems.wheels.tuning import Turning, WheelsTuning
@@ -33,8 +35,19 @@ PERIOD_US = 5_000
 LINK = {"pins": 3, "accel_bus": 2}
 """Drivers and encoders of two wheels; an MPU-6050."""
 PERIODS_US = (2_000, 10_000)
-SCENARIOS = {name: ride.title for name, ride in rides.RIDES.items()}
-SECONDS = {name: ride.seconds for name, ride in rides.RIDES.items()}
+RANDOM = "random"
+SCENARIOS = {
+    **{name: ride.title for name, ride in rides.RIDES.items()},
+    RANDOM: "any speeds, turns, slope and events, drawn from the seed",
+}
+SECONDS = {**{name: ride.seconds for name, ride in rides.RIDES.items()}, RANDOM: random_rides.SECONDS}
+RANDOM_BASE = replace(rides.LEVEL, pushes=False)
+"""What random changes."""
+EVENTS_ALL = 2**random_rides.EVENTS_MOST - 1
+CONDITIONS = {
+    "events": f"of random: bit i keeps its i-th drawn event (default {EVENTS_ALL}, all)",
+    "plain_frame": "of random: 1 for level ground and a rider in the middle (default 0)",
+}
 DEFAULT_SCENARIO, DEFAULT_TUNING = "level", "steered"
 FAULT_CHANNELS = ("gyro", "accel_x", "accel_z", "gyro_up", "left", "right", "rider")
 FAULTS = FAULT_NOTES
@@ -83,6 +96,8 @@ def scenario(
     seconds: float | None = None,
     period_us: int = PERIOD_US,
     faults: tuple[Fault, ...] = (),
+    events: float = EVENTS_ALL,
+    plain_frame: float = 0.0,
 ) -> Scenario:
     """Draw a run. One generator per seed, in this order:
 
@@ -90,13 +105,28 @@ def scenario(
     ice, rough ground (grid), noise of the sensors (steps, 6), vibration (steps, 3), fault noise (7, steps).
     """
     seconds = length_s("wheels", name, SECONDS, seconds, period_us, PERIODS_US, seed)
-    return _drawn(name, seed, round(seconds * 1e6 / period_us), period_us, faults)
+    run = _drawn(name, seed, round(seconds * 1e6 / period_us), period_us, faults)
+    if name != RANDOM:
+        if events != EVENTS_ALL or plain_frame:
+            raise UsageError(f"events and plain_frame are conditions of the scenario {RANDOM}, not of {name}")
+        return run
+    if events not in range(EVENTS_ALL + 1) or plain_frame not in (0.0, 1.0):
+        raise UsageError(f"events is a whole number of 0 to {EVENTS_ALL}, plain_frame 0 or 1")
+    random = random_rides.drawn(seed)
+    ride, lying = random.kept(int(events))
+    if plain_frame:
+        ride = replace(ride, slope_deg=0.0, shift_m=0.0)
+    asked_mps, asked_dps = random.asked(run.time_s)
+    return replace(
+        run, ride=ride, faults=(*lying, *faults), asked_mps=asked_mps, asked_dps=asked_dps, events=len(random.events)
+    )
 
 
 @lru_cache(maxsize=64)
 def _drawn(name: str, seed: int, steps: int, period_us: int, faults: tuple[Fault, ...]) -> Scenario:
     """Cached: the prescribed ride of a run is part of it."""
-    ride, rng, period_s = rides.RIDES[name], np.random.default_rng(seed), period_us * 1e-6
+    ride = RANDOM_BASE if name == RANDOM else rides.RIDES[name]
+    rng, period_s = np.random.default_rng(seed), period_us * 1e-6
     seconds = steps * period_s
     t, grid_s = np.arange(steps) * period_s, np.arange(round(seconds / GRID_S)) * GRID_S
     imu = rng.standard_normal(DRAWS)
