@@ -30,7 +30,7 @@ KERNEL uint32_t since_count(uint32_t steps, int32_t counts, uint32_t most) {
 /* What accelerometer and wheels say of each other, after the step of balancer. The speed that is felt is that
  * of the wheels slowly, and the sum of the acceleration quickly. Encoders turn with the body as well as with
  * the wheels: those that have counted and stand still while the body rocks are dead, as are those that never
- * counted while it moves. Wheels that get the full duty for long, and turn, turn in the air. */
+ * counted while it moves. Wheels that get nearly the full duty for long, and turn, turn in the air. */
 KERNEL uint32_t doubt(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool on, int32_t left,
                       int32_t right, int32_t duty_max_q15) {
     const uint32_t kept = on ? w->flags & (PLUMB_WHEELS_FLAG_ENCODERS | PLUMB_WHEELS_FLAG_LIFTED) : 0U;
@@ -45,8 +45,9 @@ KERNEL uint32_t doubt(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, b
     w->apart_mps_q26 = clamp_i32(faded - mulhi_i32(felt, q->felt_mps_q26), -APART_MOST, APART_MOST);
     w->left_steps = since_count(w->left_steps, left, q->dead_steps);
     w->right_steps = since_count(w->right_steps, right, q->dead_steps);
+    const int32_t nearly = duty_max_q15 - asr32(duty_max_q15, 3);
     w->full_steps =
-        in_a_row(w->full_steps, counts && (int32_t)abs_u32(w->duty_q15) >= duty_max_q15, q->full_steps);
+        in_a_row(w->full_steps, counts && (int32_t)abs_u32(w->duty_q15) >= nearly, q->full_steps);
     const uint32_t lifted = w->full_steps >= q->full_steps ? PLUMB_WHEELS_FLAG_LIFTED : 0U;
     if (counts) {
         w->rocked_turnps_q28 = 0U;

@@ -143,7 +143,7 @@ typedef struct {
     int32_t apart_max_mps_q26; /* 0..1073741824; speed felt beyond which wheels that never counted are not believed */
     uint32_t dead_steps; /* 2..65535; steps without a count of a wheel after which its encoder may be dead */
     uint32_t rocked_turnps_q28; /* 0..1073741823; sum of the rate's size in these steps beyond which wheels without a count are dead */
-    uint32_t full_steps; /* 1..65535; steps at the full duty after which wheels that turn do so in the air */
+    uint32_t full_steps; /* 1..65535; steps at 7/8 of the full duty or more after which wheels that turn do so in the air */
     uint32_t still_steps; /* 1..65535; steps with a repeated count of the accelerometer after which it is not believed */
 } plumb_wheels_params_t;
 

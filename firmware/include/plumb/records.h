@@ -238,7 +238,7 @@ typedef struct {
 #define PLUMB_WHEELS_FLAG_SLIPS (1U << 10) /* gyro and wheels disagree: a wheel slips */
 #define PLUMB_WHEELS_FLAG_LOST (1U << 11) /* the receiver is lost: it stands */
 #define PLUMB_WHEELS_FLAG_ENCODERS (1U << 12) /* the wheels stand by their encoders, but it moves: kept until it is switched off */
-#define PLUMB_WHEELS_FLAG_LIFTED (1U << 13) /* the wheels turn at the full duty for long, in the air: kept until it is switched off */
+#define PLUMB_WHEELS_FLAG_LIFTED (1U << 13) /* the wheels turn at nearly the full duty for long, in the air: kept until it is switched off */
 #define PLUMB_WHEELS_FLAG_ACCEL_STILL (1U << 14) /* the accelerometer repeats its counts, or makes no sense: it comes to rest without it */
 #define PLUMB_WHEELS_FLAGS_SATURATED (PLUMB_WHEELS_FLAG_GYRO_CLAMPED | PLUMB_WHEELS_FLAG_ACCEL_X_CLAMPED | PLUMB_WHEELS_FLAG_ACCEL_Z_CLAMPED | PLUMB_WHEELS_FLAG_WHEEL_CLAMPED | PLUMB_WHEELS_FLAG_GYRO_UP_CLAMPED) /* raw counts outside their range */
 typedef struct {
@@ -278,7 +278,7 @@ typedef struct {
     uint32_t left_steps; /* steps since the last one with a count of the left wheel, that one counted, up to wheels.dead_steps; 0: none since it drives */
     uint32_t right_steps; /* the same of the right wheel */
     uint32_t rocked_turnps_q28; /* sum of the rate's size in the steps since a count of either wheel */
-    uint32_t full_steps; /* steps at the full duty with wheels that turn, up to wheels.full_steps */
+    uint32_t full_steps; /* steps at 7/8 of the full duty or more with wheels that turn, up to wheels.full_steps */
     uint32_t still_steps; /* steps with a count of the accelerometer as in the step before, or without half of gravity, or outside its range, up to wheels.still_steps */
     uint32_t stop_reason; /* why the motors are off: 32 it fell, 64 nobody rides, 128 sensors that lie: flags; 0: they are on */
     int32_t turn_duty_q15; /* duty for turning that balance leaves, positive to the left */

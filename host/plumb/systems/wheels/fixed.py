@@ -191,7 +191,7 @@ def doubt(
     c.since = left, right
     rocked = clamp(c.rocked + abs(record[BALANCER_RATE]), 0, ROCKED_MOST)
     c.rocked = select(drives & (counts == 0), rocked, 0 * rocked)
-    full = drives & (counts != 0) & (abs(duty) >= p["drive.duty_max_q15"])
+    full = drives & (counts != 0) & (abs(duty) >= p["drive.duty_max_q15"] - (p["drive.duty_max_q15"] >> 3))
     c.full = in_a_row(c.full, full, p["wheels.full_steps"])
     dead = (left >= p["wheels.dead_steps"]) & (right >= p["wheels.dead_steps"])
     rocks = dead & (c.rocked > p["wheels.rocked_turnps_q28"])

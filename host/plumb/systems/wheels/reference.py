@@ -169,7 +169,7 @@ class Watch:
         )
         self.since, counts = (left, right), any(wheels)
         self.rocked_deg = self.rocked_deg + abs(rate_dps) * period_s if drives and not counts else 0.0
-        full = drives and counts and abs(duty) >= tuning.balance.drive.duty_max
+        full = drives and counts and abs(duty) >= 0.875 * tuning.balance.drive.duty_max
         self.full = self.full + 1 if full else 0
         rocks = min(self.since) >= round(watching.dead_s / period_s) and self.rocked_deg > watching.rocked_deg
         moves = drives and not any(self.since) and abs(velocity_mps + self.apart_mps) > watching.apart_mps

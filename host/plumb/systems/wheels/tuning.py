@@ -76,7 +76,7 @@ class Watching:
         default=1.5, metadata=quantity("deg", "way that the body rocks in that time if they are, to and fro together")
     )
     full_s: float = field(
-        default=1.0, metadata=quantity("s", "time at the full duty after which wheels that turn do so in the air")
+        default=1.0, metadata=quantity("s", "time at 7/8 of the full duty, after which wheels turn in the air")
     )
     still_s: float = field(
         default=0.1,
