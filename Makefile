@@ -1,6 +1,6 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
-.PHONY: help demo setup test confirm-campaigns test-fast test-long test-times pytest release-trial image flash-images images libraries native c-tests sanitize fuzz size check-style \
+.PHONY: help demo setup test confirm-campaigns random-campaigns test-fast test-long test-times pytest release-trial image flash-images images libraries native c-tests sanitize fuzz size check-style \
     lint-workflows format generate docs film wheel summary clean
 .DEFAULT_GOAL := help
 
@@ -76,6 +76,12 @@ confirm-campaigns: ## CONFIRMED_RUNS runs of each system, every step once more o
 	@$(MAKE) --no-print-directory image libraries
 	@for system in $$($(VENV)/python -c 'from plumb.spec import declarations; print(*declarations.names())'); do \
 	    $(VENV)/plumb campaign $$system --runs $(CONFIRMED_RUNS) --seconds $(CONFIRMED_SECONDS) --confirm virtual || exit 1; done
+
+RANDOM_RUNS := 2000
+random-campaigns: ## RANDOM_RUNS flights and rides drawn at random, held to the invariants of their vehicles
+	@$(MAKE) --no-print-directory libraries
+	@$(VENV)/plumb campaign examples/studies/flights_at_random.toml --runs $(RANDOM_RUNS)
+	@$(VENV)/plumb campaign examples/studies/rides_at_random.toml --runs $(RANDOM_RUNS)
 
 # The C core on this machine: the shared library that Python loads, and the C tests.
 native: ## the C core on this machine, and the C tests

@@ -29,7 +29,7 @@ import numpy as np
 from plumb import systems
 from plumb.boards import native_core
 from plumb.boards.contract import Answer
-from plumb.proof import limits, runs
+from plumb.proof import invariants, limits, runs
 from plumb.proof.figures import FIGURES
 from plumb.proof.runs import PLOTS, Run, RunInputs
 from plumb.spec import declarations
@@ -155,12 +155,17 @@ def loops(system: System, scenario: str) -> dict[str, tuple[str, ...]]:
     return {"open": tuple(system.TUNINGS), **closed}
 
 
+def limited(name: str) -> list[str]:
+    """The scenarios of a system that have limits: where frames and events are drawn, invariants judge each run."""
+    return [scenario for scenario in systems.load(name).SCENARIOS if not invariants.judges(name, scenario)]
+
+
 def at_once(name: str, seeds: Sequence[int]) -> Iterator[tuple[Task, dict[str, float | None]]]:
     """All figures of a system whose figures run many seeds side by side."""
     system = systems.load(name)
     wanted = [
         Task(name, scenario, loop, seeds[0], None, tunings)
-        for scenario in system.SCENARIOS
+        for scenario in limited(name)
         for loop, tunings in loops(system, scenario).items()
     ]
     if is_flown(name):
@@ -174,7 +179,8 @@ def tasks(names: Iterable[str], seeds: Iterable[int]) -> Iterator[Task]:
     for seed in seeds:
         for name in names:
             system = systems.load(name)
-            for scenario, whole_s in system.SECONDS.items():
+            for scenario in limited(name):
+                whole_s = system.SECONDS[scenario]
                 for loop, tunings in loops(system, scenario).items():
                     lengths = [
                         *whole(name, scenario, tunings, loop),
@@ -238,7 +244,7 @@ def without_limit(names: Iterable[str]) -> list[str]:
     return [
         f"{name} {scenario}, {loop} loop"
         for name in names
-        for scenario in systems.load(name).SCENARIOS
+        for scenario in limited(name)
         for loop in ("open", *(["closed"] if systems.load(name).OUTPUTS else []))
         if not limits.measured(name, scenario, tuning_for(systems.load(name), scenario), loop)
     ]

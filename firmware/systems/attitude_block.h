@@ -18,6 +18,7 @@
 #define MOST_BY_TURN        (1 << 30)  /* growth of the tilt's variance by the square of a turn, Q32 */
 #define RESTING_SQUARE_Q24  104857600  /* (2.5 g s)^2: a body at rest is not as fast as 25 m/s */
 #define MOST_LASTING_Q24    (1U << 23) /* (0.7 g s)^2: in flight, 20 deg of stated tilt */
+#define FLIGHT_LEAST_Q32    2943711U   /* (1.5 deg)^2: what a step of the gyro's bias makes before it shows */
 #define JUDGED              (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
 
 /* The slice of the last block that a step computes. Each measurement takes two slices: velocity x, y, and at
@@ -129,17 +130,20 @@ static void doubt(plumb_attitude_t *c, const plumb_attitude_params_t *p, int32_t
  * most are. On the ground 3/2 of the square of the tilt that was corrected in one direction within 10 s, at
  * most 6 times the filter's own: such corrections show an error that the filter does not expect. And the
  * square of the tilt that would sustain the lasting velocity: in flight v / 2 s, because the filter follows
- * the drag in 2 s; else v / 128 s, less than the leak of the velocity. */
+ * the drag in 2 s; else v / 128 s, less than the leak of the velocity. In flight, where nothing shows the
+ * vertical for seconds, there are three more: the least; the square of the tilt of the newest difference of
+ * the velocities, by v / 2.8 s; and no block takes more than an eighth away. */
 SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     plumb_attitude_words_t *const w = &c->words;
     const int32_t hold_q32 = any_i32(mulhi_i32(p->travel_pass_q32, HOLD_Q32));
-    int32_t square_q24 = 0;
+    int32_t square_q24 = 0, off_square_q24 = 0;
     uint32_t corrected_q20 = 0;
     for (unsigned i = 0; i < 2U; i++) {
         const int32_t v = VELOCITY_SATURATED(w->velocity_gs_q28[i]);
         w->velocity_gs_q28[i] = c->airborne ? v : v - mulhi_near(v, p->leak_q32);
         square_q24 += mulhi_i32(w->velocity_gs_q28[i], w->velocity_gs_q28[i]);
         const int32_t off = VELOCITY_SATURATED(w->velocity_gs_q28[i] - c->measured_gs_q28[i]);
+        off_square_q24 += mulhi_i32(off, off);
         c->travel_gs_q28[i] += mulhi_near(off - c->travel_gs_q28[i], p->travel_pass_q32);
         const int32_t kept = c->corrected_rad_q26[i] - mulhi_i32(c->corrected_rad_q26[i], hold_q32);
         c->corrected_rad_q26[i] = SATURATE(kept + asr32(c->errors.correction_q28[TILT + i], 2), 26);
@@ -158,10 +162,17 @@ SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
 
     const uint32_t filter_q32 =
         plumb_error_filter_variance(&c->errors, TILT) + plumb_error_filter_variance(&c->errors, TILT + 1);
-    const uint32_t shown_q20 = c->airborne ? 0U : min_u32(corrected_q20, filter_q32 >> 10);
-    w->tilt_variance_rad2_q32 =
-        3U * ((filter_q32 >> 4) + (shown_q20 << 11)) +
-        (c->airborne ? min_u32((uint32_t)lasting_q24, MOST_LASTING_Q24) << 6 : (uint32_t)lasting_q24 >> 6);
+    if (p->aid_s_q24 != 0 && c->carried_blocks != LANDED_BLOCKS) {
+        const uint32_t now_q32 = FLIGHT_LEAST_Q32 + 3U * (filter_q32 >> 4) +
+                                 (min_u32((uint32_t)lasting_q24, MOST_LASTING_Q24) << 6) +
+                                 (min_u32((uint32_t)off_square_q24, MOST_LASTING_Q24) << 5);
+        const uint32_t before_q32 = w->tilt_variance_rad2_q32;
+        w->tilt_variance_rad2_q32 = max_u32(now_q32, before_q32 - (before_q32 >> 3));
+    } else {
+        const uint32_t shown_q20 = min_u32(corrected_q20, filter_q32 >> 10);
+        w->tilt_variance_rad2_q32 =
+            3U * ((filter_q32 >> 4) + (shown_q20 << 11)) + ((uint32_t)lasting_q24 >> 6);
+    }
     const bool unsure = w->tilt_variance_rad2_q32 > p->unsure;
     const bool accelerating = w->velocity_variance_g2s2_q26 > 4U * (uint32_t)p->speed_min;
     c->block_flags = (c->block_flags & ~(uint32_t)JUDGED) | (unsure ? PLUMB_ATTITUDE_FLAG_UNSURE : 0U) |

@@ -88,7 +88,8 @@ static void learn_hover(plumb_attitude_t *c, int32_t thrust_q15, uint32_t square
  * 7/8 of the thrust of a hover, where that is known. In flight it is carried while it feels its weight, 0.9
  * to 1.1 g in any direction, with a thrust well below that of a hover. A vehicle that falls at its terminal
  * speed feels its weight, too: eight carried blocks in a row are a landing that may be none, and only 67 are
- * one; with the rotors off eight are enough. */
+ * one; with the rotors off eight are enough. A block that ends at a limit of the accelerometer tells neither
+ * a weight nor a hover: an acceleration of 1 g may stand in for what is not known. */
 SELDOM void follow_flight(plumb_attitude_t *c, const plumb_attitude_params_t *p, int32_t block_s_q32) {
     int32_t mean_g_q18[3];
     for (unsigned i = 0; i < 3U; i++)
@@ -97,7 +98,8 @@ SELDOM void follow_flight(plumb_attitude_t *c, const plumb_attitude_params_t *p,
     const int32_t thrust = clamp_i32(c->words.thrust_q15, 0, INT16_MAX), hover = c->hover_q15;
     const int32_t lifted =
         clamp_i32(sub_wrap(mean_g_q18[2], c->weight_g_q18), -FORCE_MOST_Q18, FORCE_MOST_Q18);
-    const bool weighs = square >= WEIGHT_LEAST_Q16 && square <= WEIGHT_MOST_Q16;
+    const bool felt = c->accel_clipped_steps == 0U;
+    const bool weighs = felt && square >= WEIGHT_LEAST_Q16 && square <= WEIGHT_MOST_Q16;
 
     c->climb_gs_q28 += mulhi_i32(lifted * 1024, block_s_q32) - asr32(c->climb_gs_q28, 5);
     c->climb_gs_q28 = VELOCITY_SATURATED(c->climb_gs_q28);
@@ -126,7 +128,8 @@ SELDOM void follow_flight(plumb_attitude_t *c, const plumb_attitude_params_t *p,
     }
     if (c->carried_blocks >= MAYBE_LANDED_BLOCKS)
         c->climb_gs_q28 = 0;
-    if (4 * thrust >= 3 * hover || (c->flown_blocks < FIRST_BLOCKS && 8 * thrust >= 3 * hover))
+    const bool lifts = 4 * thrust >= 3 * hover || (c->flown_blocks < FIRST_BLOCKS && 8 * thrust >= 3 * hover);
+    if (felt && lifts)
         learn_hover(c, thrust, square);
 }
 

@@ -67,6 +67,10 @@ class SettingError(UsageError):
         super().__init__(message)
         self.setting, self.asked, self.least, self.most = setting, asked, least, most
 
+    def __reduce__(self) -> tuple[type[SettingError], tuple[str, str, float, float, float]]:
+        """A worker process can hand it over."""
+        return SettingError, (str(self), self.setting, self.asked, self.least, self.most)
+
     def saying(self, message: str) -> SettingError:
         return SettingError(message, self.setting, self.asked, self.least, self.most)
 

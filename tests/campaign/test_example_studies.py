@@ -16,8 +16,9 @@ STUDIES = sorted((CHECKOUT / "examples" / "studies").glob("*.toml"))
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_the_largest_figure_is_repeated_by_its_command(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["campaign", str(path), "--runs", "6", "--seconds", "21", "--json"]) == 0
+    code = main(["campaign", str(path), "--runs", "6", "--seconds", "21", "--json"])
     said = json.loads(capsys.readouterr().out)
+    assert code == bool(said.get("violations")), "1 where an invariant is violated"
     words = shlex.split(said["worst"]["angle_rmse_deg"])[1:]
     assert main([*words, "--json"]) == 0
     alone = json.loads(capsys.readouterr().out)["metrics"]["angle_rmse_deg"]

@@ -8,7 +8,7 @@ import pytest
 from plumb.judging.quadrotor import figures, iris, loops
 from plumb.judging.quadrotor.flown import fly
 from plumb.physics.airframe import HUMMINGBIRD_X, IRIS_X
-from plumb.systems.quadrotor import courses, scenarios
+from plumb.systems.quadrotor import courses, frame_tuning, scenarios
 
 
 def test_its_rotors_are_where_the_mixer_has_them() -> None:
@@ -20,7 +20,7 @@ def test_its_rotors_are_where_the_mixer_has_them() -> None:
 
 def test_the_gains_come_from_the_frame() -> None:
     """The numbers that the hummingbird's gains stand on are those of its frame, by the same rule."""
-    x, y, z = iris.accelerations_radps2(HUMMINGBIRD_X)
+    x, y, z = frame_tuning.accelerations_radps2(HUMMINGBIRD_X)
     assert x == pytest.approx(scenarios.ROLL_ACCEL_RADPS2, rel=2e-3) and x == y
     assert z == pytest.approx(scenarios.YAW_ACCEL_RADPS2, rel=5e-3)
 

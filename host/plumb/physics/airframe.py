@@ -2,8 +2,9 @@
 
     hummingbird   RotorS (ETH Zurich), rotors_description/urdf/hummingbird.xacro: body 0.68 kg and four rotors of 9 g
     iris          PX4, PX4-SITL_gazebo-classic models/iris/iris.sdf.jinja: body 1.5 kg, sensor 15 g, four rotors of 5 g
+    racer         a drone with propellers of 5 inches and eight times its weight of thrust: assumed
 
-Assumed for both: drag of the frame (CdA, and how far above the centre it acts), legs (which give way by 3 mm under 0.7
+Assumed for all: drag of the frame (CdA, and how far above the centre it acts), legs (which give way by 3 mm under 0.7
 kg), and the thrust for a command.
 Axes of the body: x to the front, y to the left, z up.
 """
@@ -114,6 +115,26 @@ IRIS = Airframe(
     leg_out_m=0.15,
     leg_down_m=0.1,
 )
+RACER_X = Airframe(
+    mass_kg=0.65,
+    inertia_kgm2=(0.0025, 0.0025, 0.0045),
+    rotors_m=((0.078, -0.078, 0.02), (0.078, 0.078, 0.02), (-0.078, 0.078, 0.02), (-0.078, -0.078, 0.02)),
+    spin=(-1.0, 1.0, -1.0, 1.0),
+    thrust_ns2=1.86e-6,
+    moment_m=0.012,
+    speed_max_radps=2618.0,
+    rotor_drag_kg=4.5e-5,
+    rolling_moment_kgm=1e-6,
+    lag_up_s=0.02,
+    lag_down_s=0.04,
+    drag_area_m2=0.01,
+    drag_above_m=0.015,
+    drag_told_per_s=0.3,
+    leg_out_m=0.06,
+    leg_down_m=0.03,
+)
+"""A racer with propellers of 5 inches, flown as an X. Every number is assumed: 8 times its weight of thrust at 25,000
+turns a minute, 220 mm from motor to motor across."""
 HUMMINGBIRD_X = HUMMINGBIRD.turned(-np.pi / 4.0)
 """The hummingbird flown as an X: its rotors front right, front left, rear left, rear right."""
 IRIS_X = replace(
@@ -121,7 +142,7 @@ IRIS_X = replace(
 )
 """The iris with its rotors in the same order. Assumed: its motors turn the other way round than the iris', as the
 hummingbird's do."""
-AIRFRAMES = {"hummingbird": HUMMINGBIRD, "iris": IRIS}
+AIRFRAMES = {"hummingbird": HUMMINGBIRD, "iris": IRIS, "racer": RACER_X}
 
 THRUST_SQUARE, THRUST_LINEAR = 0.6, 0.4
 """Share of the largest thrust that a command u of 0 to 1 makes: 0.6 u^2 + 0.4 u (assumed; a battery at rest)."""

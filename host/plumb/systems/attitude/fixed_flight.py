@@ -56,7 +56,8 @@ def follow_flight(c: ControlState, p: Params) -> None:
     thrust, hover, zero = clamp(c.thrust, 0, 32767), c.hover, 0 * c.hover
     block_s = (p["attitude.block_steps"] * p["attitude.dt_s_q33"]) >> 1
     lifted = clamp(wrap_i32(mean[2] - c.weight), -FOUR_G_Q18, FOUR_G_Q18)
-    weighs = (square >= WEIGHT_MIN_Q16) & (square <= WEIGHT_MAX_Q16)
+    felt = c.accel_run == 0
+    weighs = felt & (square >= WEIGHT_MIN_Q16) & (square <= WEIGHT_MAX_Q16)
     climb = clamp(c.climb + mul(lifted << 10, block_s) - (c.climb >> 5), -VELOCITY_Q28, VELOCITY_Q28 - 1)
 
     landed, off = c.carried_blocks == LANDED_BLOCKS, thrust == 0
@@ -79,5 +80,5 @@ def follow_flight(c: ControlState, p: Params) -> None:
     begun = select(takes_off & ((hover == 0) | rises), clamp(thrust, HOVER_MIN_Q15, HOVER_MAX_Q15), hover)
     c.climb = select((landed == 0) & (c.carried_blocks >= MAYBE_LANDED_BLOCKS), zero, c.climb)
     first = c.flown_blocks < FIRST_BLOCKS
-    learns = (landed == 0) & ((light == 0) | (first & (8 * thrust >= 3 * hover)))
+    learns = felt & (landed == 0) & ((light == 0) | (first & (8 * thrust >= 3 * hover)))
     c.hover = select(learns, learned_hover(hover, thrust, square, first), begun)

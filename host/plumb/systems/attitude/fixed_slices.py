@@ -48,6 +48,7 @@ from plumb.systems.attitude.fixed_turns import turn_earth
 
 SPEED_MAX_Q26 = (1 << 31) - 1
 REST_SPEED_SQUARE_Q24, HOLD_Q32, LASTING_MAX_Q24 = 104857600, 1288490189, 1 << 23
+FLIGHT_LEAST_Q32 = 2943711
 LEAST_REST_Q16, MOST_REST_Q16, TILTED_Q24, LONG_RESTS = 62300, 68853, 15099494, 7
 CORRECTED_Q26 = 1 << 25
 BIAS_MAX_Q32, SCALE_MAX_Q32, TURN_MAX_Q28 = 1 << 30, 1 << 28, 1 << 26
@@ -103,7 +104,7 @@ def judge(c: ControlState, p: Params) -> None:
     moving = c.velocity_square * p["attitude.velocity_share_q16"] + c.travel_excess * p["attitude.travel_gain_q16"]
     unknown = clamp(least + (moving >> 14), 0, SPEED_MAX_Q26)
     c.velocity_variance = select(c.airborne == 1, p["attitude.aid_variance"], unknown)
-    c.tilt_variance = stated_variance(c)
+    c.tilt_variance = stated_variance(c, p)
     unsure = select(c.tilt_variance > p["attitude.unsure"], UNSURE, 0)
     accelerating = select(c.velocity_variance > 4 * least, ACCELERATING, 0)
     c.block_flags = (c.block_flags & ~JUDGED) | unsure | accelerating
@@ -151,14 +152,20 @@ def remember_corrections(c: ControlState, p: Params) -> None:
         c.corrected[i] = clamp(kept + (c.correction[TILT + i] >> 2), -CORRECTED_Q26, CORRECTED_Q26 - 1)
 
 
-def stated_variance(c: ControlState) -> Integer:
-    """Of the tilt, rad^2 Q32: a share of the filter's, what was corrected in one direction, what keeps a velocity."""
+def stated_variance(c: ControlState, p: Params) -> Integer:
+    """Of the tilt, rad^2 Q32: a share of the filter's, what was corrected in one direction, what keeps a velocity; in
+    flight at least so much, what the newest difference of the velocities says, and at most an eighth less a block."""
     own = wrap_u32(c.covariance[CELL[6][6]] + c.covariance[CELL[7][7]])
     corrected = mul(c.corrected[0], c.corrected[0]) + mul(c.corrected[1], c.corrected[1])
-    shown = select(c.airborne == 1, 0, select(corrected < own >> 10, corrected, own >> 10))
+    shown = select(corrected < own >> 10, corrected, own >> 10)
     lasting = travel_square(c)
-    lasting = select(c.airborne == 1, 64 * clamp(lasting, 0, LASTING_MAX_Q24), lasting >> 6)
-    return wrap_u32(3 * ((own >> 4) + (shown << 11)) + lasting)
+    off = [clamp(c.velocity[i] - c.measured[i], -VELOCITY_Q28, VELOCITY_Q28 - 1) for i in HORIZONTAL]
+    newest = mul(off[0], off[0]) + mul(off[1], off[1])
+    told = (clamp(lasting, 0, LASTING_MAX_Q24) << 6) + (clamp(newest, 0, LASTING_MAX_Q24) << 5)
+    now, kept = FLIGHT_LEAST_Q32 + 3 * (own >> 4) + told, c.tilt_variance - (c.tilt_variance >> 3)
+    in_flight = (p["attitude.aid_s_q24"] != 0) & (c.carried_blocks != LANDED_BLOCKS)
+    on_ground = wrap_u32(3 * ((own >> 4) + (shown << 11)) + (lasting >> 6))
+    return select(in_flight, select(now > kept, now, kept), on_ground)
 
 
 def restart(c: ControlState, p: Params) -> None:

@@ -48,6 +48,10 @@ LONGEST_RUN = 255
 BRIDGED_RAD, BRIDGED_G, BRIDGED_SUM_G = 0.43, 1200.0, 2100.0
 LASTING_PER_S = (1.0 / 128.0, 0.5)
 """What a velocity that lasts says of the tilt, by g s: on the ground, in flight."""
+FLIGHT_LEAST_RAD, NEWEST_PER_S, KEPT = np.radians(1.5), np.sqrt(1.0 / 8.0), 7.0 / 8.0
+"""In flight the stated deviation is at least so much, the newest difference of the velocities says so much of the tilt,
+by g s, and a block keeps so much of the variance."""
+LASTING_MOST_RAD2 = 1.0 / 8.0
 FILTER_SHARE, CORRECTED_GAIN, CORRECTED_MOST = 3.0 / 16.0, 1.5, 6.0
 """The stated variance: share of the filter's own; gain of the square of what was corrected in one direction, at most so
 many times the filter's own."""
@@ -306,7 +310,7 @@ class Model:
         aid, before = self.tuning.aid, x.airborne
         x.measured_gs, mean_g = np.zeros(2), gained_gs / self.block_s
         if self.aided or self.vehicle:
-            x.flight.follow(mean_g, sums.thrust, self.block_s)
+            x.flight.follow(mean_g, sums.thrust, self.block_s, felt=x.runs[1] == 0)
         if not self.aided:
             return False
         if x.airborne:
@@ -340,15 +344,24 @@ class Model:
         x.force_before = x.force_before + np.cross(tilt, x.force_before)
         x.velocity_gs = x.velocity_gs + VELOCITY_UNIT_GS * d[VELOCITIES]
 
+    def stated_rad2(self, x: Filter) -> float:
+        """The stated variance of the tilt."""
+        in_flight = self.tuning.aid.drag_per_s > 0.0 and not x.flight.landed
+        own = float(x.covariance[6, 6] + x.covariance[7, 7])
+        lasting = (float(np.linalg.norm(x.travel_gs)) * LASTING_PER_S[in_flight]) ** 2
+        if not in_flight:
+            corrected = CORRECTED_GAIN * float(x.corrected_rad @ x.corrected_rad)
+            return FILTER_SHARE * own + min(corrected, CORRECTED_MOST * own) + lasting
+        newest = (float(np.linalg.norm(x.velocity_gs - x.measured_gs)) * NEWEST_PER_S) ** 2
+        told = min(lasting, LASTING_MOST_RAD2) + min(newest, LASTING_MOST_RAD2 / 2.0)
+        return float(max(FLIGHT_LEAST_RAD**2 + FILTER_SHARE * own + told, KEPT * x.tilt_rad2))
+
     def judged(self, x: Filter) -> Filter:
         """What the last block has shown; then its measurements, or a new start."""
         v = np.clip(x.velocity_gs, -VELOCITY_GS, VELOCITY_GS)
         x.velocity_gs = v if x.airborne else v * (1.0 - self.block_s / self.tuning.motion.leak_s)
         variance = self.velocity_variance(x) / VELOCITY_UNIT_GS**2
-        lasting = float(np.linalg.norm(x.travel_gs)) * LASTING_PER_S[x.airborne]
-        own = float(x.covariance[6, 6] + x.covariance[7, 7])
-        corrected = 0.0 if x.airborne else CORRECTED_GAIN * float(x.corrected_rad @ x.corrected_rad)
-        x.tilt_rad2 = FILTER_SHARE * own + min(corrected, CORRECTED_MOST * own) + lasting**2
+        x.tilt_rad2 = self.stated_rad2(x)
 
         resting, x.left = x.still_blocks >= self.rest_blocks, DONE
         risen_g = 1.0 - float(x.force_before[2]) / self.steps - x.rise_g

@@ -39,10 +39,10 @@ class FlightOfBlocks:
     def airborne(self) -> bool:
         return self.carried_blocks < MAYBE_LANDED_BLOCKS
 
-    def follow(self, mean_g: FloatArray, thrust: float, block_s: float) -> None:
-        """One block. mean_g: acceleration in earth axes, (3,)."""
+    def follow(self, mean_g: FloatArray, thrust: float, block_s: float, *, felt: bool) -> None:
+        """One block. mean_g: acceleration in earth axes, (3,). felt: it ends below the accelerometer's limit."""
         felt_g, lifted_g = float(np.linalg.norm(mean_g)), float(np.clip(mean_g[2] - self.weight_g, -4.0, 4.0))
-        weighs = WEIGHT_G[0] <= felt_g <= WEIGHT_G[1]
+        weighs = felt and WEIGHT_G[0] <= felt_g <= WEIGHT_G[1]
         self.climb_gs = float(np.clip(self.climb_gs * (1.0 - FORGOTTEN) + lifted_g * block_s, -4.0, 4.0))
         if self.landed:
             self._wait(lifted_g if weighs else 0.0, thrust)
@@ -56,7 +56,7 @@ class FlightOfBlocks:
             self.climb_gs = 0.0
         first = self.flown_blocks < FIRST_BLOCKS
         lifts = not light or (first and thrust >= IDLES * self.hover)
-        if lifts and HOVERS_G[0] <= felt_g <= HOVERS_G[1] and thrust <= COMMAND_MOST:
+        if felt and lifts and HOVERS_G[0] <= felt_g <= HOVERS_G[1] and thrust <= COMMAND_MOST:
             at_1_g = thrust * felt_g ** (-2.0 / 3.0)
             share = LEARNED_FIRST if first else LEARNED_DOWN if at_1_g < self.hover else LEARNED_UP
             self.hover = float(np.clip(self.hover + share * (at_1_g - self.hover), *HOVER))

@@ -49,8 +49,11 @@ class Happening(NamedTuple):
     size: float = 0.0
     number: int = 0
 
+    def begun(self, time_s: float) -> bool:
+        return self.begin_s - INSTANT_S <= time_s
+
     def lasts(self, time_s: float) -> bool:
-        return self.begin_s - INSTANT_S <= time_s < self.end_s - INSTANT_S
+        return self.begun(time_s) and time_s < self.end_s - INSTANT_S
 
 
 INSTANT_S = 1e-9

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from plumb.physics.airframe import Airframe
+from plumb.physics.airframe import HUMMINGBIRD_X, Airframe
 from plumb.physics.imu import MPU6050
 from plumb.physics.sensors import Fault
 from plumb.physics.vectors import length
@@ -18,10 +18,11 @@ from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.systems.prescribed import Steps, put_faults
 from plumb.systems.quadrotor.courses import HAPPENINGS, MPU6050_LINK, TWO_CHIPS_LINK, Course
+from plumb.systems.quadrotor.frame_tuning import tuned
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.quadrotor.vehicle import Vehicles
 
-GYRO_LIES, ACCEL_LIES = (1 << len(HAPPENINGS) + place for place in range(2))
+GYRO_LIES, ACCEL_LIES, BEGUN = (1 << len(HAPPENINGS) + place for place in range(3))
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class Prescribed:
 @dataclass(frozen=True)
 class Scenario(Steps):
     """One run. imu: unit normal errors of the sensors; noise: (steps, 9): six of the sensors, three of the gusts;
-    sticks: of the pilot that moves them at random; fault_noise: (6, steps)."""
+    sticks: of the pilot that moves them at random; fault_noise: (6, steps). lands: what the board does without a
+    receiver, None: as it is tuned. events: how many were drawn."""
 
     name: str
     seed: int
@@ -52,6 +54,8 @@ class Scenario(Steps):
     noise: FloatArray
     fault_noise: FloatArray
     faults: tuple[Fault, ...] = ()
+    lands: bool | None = None
+    events: int = 0
 
     @property
     def steps(self) -> int:
@@ -63,8 +67,12 @@ class Scenario(Steps):
         return MPU6050_LINK if self.course.grade is MPU6050 else TWO_CHIPS_LINK
 
     def fit(self, tuning: QuadrotorTuning) -> QuadrotorTuning:
-        """The tuning, with the calibration of these sensors."""
+        """The tuning, with the calibration of these sensors and, on another frame, the gains of that."""
         grade = self.course.grade
+        if self.frame is not HUMMINGBIRD_X:
+            tuning = tuned(tuning, self.frame)
+        if self.lands is not None:
+            tuning = replace(tuning, receiver=replace(tuning.receiver, lands=int(self.lands)))
         estimator = replace(tuning.attitude, gyro=grade.gyro, accel=grade.accel)
         return replace(tuning, period_us=self.period_us, attitude=estimator)
 
@@ -101,7 +109,8 @@ class Scenario(Steps):
 def truth_of(vehicles: Vehicles, faults: Sequence[Fault]) -> dict[str, float]:
     """Of a batch of one: vertical in body axes, rates, biases of the gyro, lean, what the pilot asks for, height; how
     far the legs are above the ground (without one: the height), what presses them, by the weight, climb and speed; and
-    what happens now, as bits: those of courses.HAPPENINGS by their places, then GYRO_LIES and ACCEL_LIES."""
+    what happens now, as bits: those of courses.HAPPENINGS by their places, then GYRO_LIES and ACCEL_LIES,
+    and BEGUN times how many have begun."""
     body = vehicles.body
     up, rate = body.matrix[2, :, 0], np.degrees(body.rate_radps[:, 0])
     bias = vehicles.bias_dps()[:, 0]
@@ -129,4 +138,5 @@ def _happening(vehicles: Vehicles, faults: Sequence[Fault]) -> int:
     bits = [1 << place for place, what in enumerate(HAPPENINGS) if course.lasting(what, now_s) is not None]
     lying = [one.channel for one in faults if one.start_s <= now_s < one.stop_s]
     gyro, accel = any(channel < 3 for channel in lying), any(channel >= 3 for channel in lying)
-    return sum(bits) | GYRO_LIES * gyro | ACCEL_LIES * accel
+    begun = sum(one.begun(now_s) for one in course.happenings)
+    return sum(bits) + GYRO_LIES * gyro + ACCEL_LIES * accel + BEGUN * begun

@@ -7,8 +7,12 @@
 #define IDLE_HALFUS 2000.0
 #define SPAN_HALFUS 2000.0
 
+static bool begun(const double *row, double time_s) {
+    return row[1] - INSTANT_S <= time_s;
+}
+
 static bool lasts(const double *row, double time_s) {
-    return row[1] - INSTANT_S <= time_s && time_s < row[2] - INSTANT_S;
+    return begun(row, time_s) && time_s < row[2] - INSTANT_S;
 }
 
 const double *happening_at(const flight_t *f, happening_t what, double time_s) {
@@ -121,6 +125,8 @@ static double happening_bits(const flight_t *f) {
         if (fault->start_s <= at_s && at_s < fault->stop_s)
             bits |= fault->channel < AXES ? GYRO_LIES : ACCEL_LIES;
     }
+    for (int32_t i = 0; i < (int32_t)f->is->happenings; i++)
+        bits += begun(&signal_of(f, HAPPENINGS)[HAPPENS_ROW * i], at_s) ? BEGUN : 0U;
     return bits;
 }
 

@@ -21,7 +21,7 @@
 
 /* What happens: places of courses.HAPPENINGS; the same bits in the truth, then these of faults. */
 typedef enum { CUT = 0, DEAF, GUST, WEAK, BIAS, SHAKE, SAG, KICK, THROTTLE } happening_t;
-enum { GYRO_LIES = 1 << 9, ACCEL_LIES = 1 << 10 };
+enum { GYRO_LIES = 1 << 9, ACCEL_LIES = 1 << 10, BEGUN = 1 << 11 };
 
 /* How a pilot steers, as compiled_plant.py numbers it. */
 typedef enum { LEANING = 0, PLACE, STICKS, SHUTTLE } pilot_t;

@@ -20,10 +20,11 @@ from plumb.physics.imu import DRAWS, MPU6050, TWO_CHIPS
 from plumb.physics.sensors import DIGITAL_FAULT_KINDS, DIGITAL_FAULT_NOTES, Fault, fault_of
 from plumb.systems.attitude.scenarios import TUNINGS as ESTIMATORS
 from plumb.systems.contracts import Plant
-from plumb.systems.quadrotor import courses
+from plumb.systems.quadrotor import courses, random_flights
 from plumb.systems.quadrotor.drawn_run import Scenario
+from plumb.systems.quadrotor.frame_tuning import rates_of
 from plumb.systems.quadrotor.plant import QuadrotorPlant
-from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains, Rates
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.run_length import length_s
 
 PERIOD_US = 2_500
@@ -34,8 +35,17 @@ UNSURE_DEG = 10.0
 """Beyond this standard deviation of the tilt the error of the vertical asks for slow rates alone."""
 NOISES, STICKS = 9, 1200
 
-SCENARIOS = {name: course.title for name, course in courses.COURSES.items()}
-SECONDS = {name: course.seconds for name, course in courses.COURSES.items()}
+RANDOM = "random"
+SCENARIOS = {
+    **{name: course.title for name, course in courses.COURSES.items()},
+    RANDOM: "any frame, pilot, wind and events, drawn from the seed",
+}
+SECONDS = {**{name: course.seconds for name, course in courses.COURSES.items()}, RANDOM: random_flights.SECONDS}
+EVENTS_ALL = 2**random_flights.EVENTS_MOST - 1
+CONDITIONS = {
+    "events": f"of random: bit i keeps its i-th drawn event (default {EVENTS_ALL}, all)",
+    "plain_frame": "of random: 1 for the hummingbird instead of the drawn frame (default 0)",
+}
 DEFAULT_SCENARIO, DEFAULT_TUNING = "calm", "hummingbird"
 FAULT_CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 FAULTS = DIGITAL_FAULT_NOTES
@@ -43,23 +53,13 @@ ESC_PERIOD_US = 2_500
 LINK = {"pins": 2, "esc_period_us": ESC_PERIOD_US}
 
 ROLL_ACCEL_RADPS2, YAW_ACCEL_RADPS2 = 383.0, 29.8
-"""Angular acceleration by a command of 1, in a hover: four rotors of 5.58 N each, by the slope of the thrust curve, on
-arms of 0.12 m, and their moment of 0.016 m; inertia 0.007 and 0.012 kg m^2."""
-RATE_PER_S, YAW_PER_S, INTEGRAL_PER_S, LEAD_S = 28.0, 8.0, 1.5, 0.012
-"""Of the rate loops: how fast an error of a rate decays; how fast the integral takes its place; and the derivative by
-the proportional gain of roll and pitch, which takes back the lag of the rotors, 12.5 to 25 ms."""
-DEG = np.pi / 180.0
+"""Angular acceleration by a command of 1, in a hover, as the bring-up page has them: four rotors of 5.58 N each, by the
+slope of the thrust curve, on arms of 0.12 m, and their moment of 0.016 m; inertia 0.007 and 0.012 kg m^2."""
 SCALE = 0.0069
 """Scale error of the gyro that the filter of `two-chips` expects, as that of `attitude` for those chips."""
 REST_DPS = 2.5
 """What counts as rest for `two-chips`: every 2.5 ms an ITG-3205 has a noise of 0.42 deg/s, and at 1.15 deg/s, less than
 three times that, no second of 400 samples would be at rest: the bias would be unknown when it takes off."""
-
-
-def gains(decay_per_s: float, accel_radps2: float, lead_s: float = 0.0) -> RateGains:
-    """Of one axis. accel_radps2: angular acceleration by a command of 1; lead_s: derivative by proportional gain."""
-    kp = decay_per_s / accel_radps2 * DEG
-    return RateGains(kp_per_dps=kp, ki_per_deg=kp * INTEGRAL_PER_S, kd_per_dps2=kp * lead_s)
 
 
 ESTIMATOR = replace(
@@ -70,11 +70,10 @@ ESTIMATOR = replace(
     motion=replace(ESTIMATORS["vehicle"].motion, unsure_deg=UNSURE_DEG),
     aid=replace(ESTIMATORS["vehicle"].aid, hover=HUMMINGBIRD_X.hover_command),
 )
-TILT = gains(RATE_PER_S, ROLL_ACCEL_RADPS2, LEAD_S)
 HUMMINGBIRD = QuadrotorTuning(
     period_us=PERIOD_US,
     attitude=ESTIMATOR,
-    rates=Rates(roll=TILT, pitch=TILT, yaw=gains(YAW_PER_S, YAW_ACCEL_RADPS2)),
+    rates=rates_of(HUMMINGBIRD_X, (ROLL_ACCEL_RADPS2, ROLL_ACCEL_RADPS2, YAW_ACCEL_RADPS2)),
 )
 TWO_CHIPS_NAME = "two-chips"
 TUNINGS = {
@@ -115,6 +114,8 @@ def scenario(
     seconds: float | None = None,
     period_us: int = PERIOD_US,
     faults: tuple[Fault, ...] = (),
+    events: float = EVENTS_ALL,
+    plain_frame: float = 0.0,
 ) -> Scenario:
     """Draw a run. One generator per seed, in this order:
 
@@ -124,7 +125,19 @@ def scenario(
     if period_us % SUB_STEP_US:
         raise UsageError(f"the physics take steps of {SUB_STEP_US} us: a period is a whole number of them")
     seconds = length_s("quadrotor", name, SECONDS, seconds, period_us, PERIODS_US, seed)
-    return _drawn(name, seed, round(seconds * 1e6 / period_us), period_us, faults)
+    flown = _drawn(name, seed, round(seconds * 1e6 / period_us), period_us, faults)
+    if name != RANDOM:
+        if events != EVENTS_ALL or plain_frame:
+            raise UsageError(f"events and plain_frame are conditions of the scenario {RANDOM}, not of {name}")
+        return flown
+    if events not in range(EVENTS_ALL + 1) or plain_frame not in (0.0, 1.0):
+        raise UsageError(f"events is a whole number of 0 to {EVENTS_ALL}, plain_frame 0 or 1")
+    flight = random_flights.drawn(seed)
+    course, lying = random_flights.kept(flight, int(events))
+    frame = FRAME if plain_frame else flight.frame
+    return replace(
+        flown, course=course, frame=frame, faults=(*lying, *faults), lands=flight.lands, events=len(flight.events)
+    )
 
 
 @lru_cache(maxsize=64)
@@ -139,6 +152,6 @@ def _drawn(name: str, seed: int, steps: int, period_us: int, faults: tuple[Fault
     noise = rng.standard_normal((steps, NOISES))
     fault_noise = rng.standard_normal((len(FAULT_CHANNELS), steps))
     return Scenario(
-        name, seed, period_us, courses.COURSES[name], FRAME, imu, np.array(heading), np.array(wind), phase, gusts,
-        sticks, noise, fault_noise, faults,
+        name, seed, period_us, courses.COURSES.get(name, courses.CALM), FRAME, imu, np.array(heading), np.array(wind),
+        phase, gusts, sticks, noise, fault_noise, faults,
     )  # fmt: skip

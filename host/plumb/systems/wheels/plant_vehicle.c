@@ -24,8 +24,7 @@ static double kerb_n(const vehicle_t *v, const outside_t *now) {
     const double depth_m = (v->way_m - now->kerb_m) * now->kerb_side;
     if (depth_m <= 0.0)
         return 0.0;
-    const double pressed =
-        v->is->kerb_npm * depth_m + v->is->kerb_nspm * (v->velocity_mps * now->kerb_side);
+    const double pressed = v->is->kerb_npm * depth_m + v->is->kerb_nspm * (v->velocity_mps * now->kerb_side);
     return -now->kerb_side * (pressed > 0.0 ? pressed : 0.0);
 }
 
@@ -37,8 +36,7 @@ static terms_t forces(const vehicle_t *v, const double torque[2], const outside_
     terms_t t;
     t.along = is->kgm[with] * sin(centre + slope) * whirled - mass * is->gravity_mps2 * sin(slope);
     t.about = is->kgm[with] * is->gravity_mps2 * sin(centre) - torque[0] - torque[1] +
-              is->kgm2[with] *
-                  (now->push_radps2 + v->turn_radps * v->turn_radps * sin(centre) * cos(centre));
+              is->kgm2[with] * (now->push_radps2 + v->turn_radps * v->turn_radps * sin(centre) * cos(centre));
     if (now->kerb_side != 0.0)
         t.along += kerb_n(v, now);
     t.coupling = is->kgm[with] * cos(centre + slope);
@@ -57,13 +55,12 @@ static void hold(const vehicle_t *v, const double torque[2], const terms_t *t, c
     const double half = is->track_m / 2.0, turned = half * half / is->upright_kgm2;
     const double own = is->radius_m * is->radius_m / is->wheel_kgm2 + given + turned, other = given - turned;
     const double weight = t->mass * is->gravity_mps2 * cos(vehicle_slope_rad(v)) / 2.0;
-    const double moved = t->mass * v->velocity_mps * v->turn_radps * (is->radius_m + t->coupling / t->mass) /
-                         is->track_m;
+    const double moved =
+        t->mass * v->velocity_mps * v->turn_radps * (is->radius_m + t->coupling / t->mass) / is->track_m;
     double wanted[2], most[2];
     for (int32_t i = 0; i < 2; i++) {
         const double side = i ? 1.0 : -1.0;
-        const double slip =
-            is->radius_m * v->spin_radps[i] - v->velocity_mps - side * half * v->turn_radps;
+        const double slip = is->radius_m * v->spin_radps[i] - v->velocity_mps - side * half * v->turn_radps;
         const double load = weight + side * moved;
         wanted[i] = slip / is->grid_s + is->radius_m * torque[i] / is->wheel_kgm2 - free;
         most[i] = now->grip[i] * (load > 0.0 ? load : 0.0);
@@ -139,8 +136,7 @@ static void feel(const vehicle_t *v, double force_g[AXES], double rate_dps[AXES]
     const numbers_t *is = v->is;
     const double sine = sin(v->tilt_rad), cosine = cos(v->tilt_rad), square = v->rate_radps * v->rate_radps;
     const double slope = vehicle_slope_rad(v);
-    double along =
-        v->accel_mps2 * cos(slope) + is->sensor_m * (v->turning_radps2 * cosine - square * sine);
+    double along = v->accel_mps2 * cos(slope) + is->sensor_m * (v->turning_radps2 * cosine - square * sine);
     along -= v->turn_radps * v->turn_radps * is->sensor_m * sine;
     const double up = is->gravity_mps2 + v->accel_mps2 * sin(slope) -
                       is->sensor_m * (v->turning_radps2 * sine + square * cosine);
@@ -166,8 +162,8 @@ void ride_six_counts(const vehicle_t *v, int32_t k, double time_s, double counts
         const double *row = &signal_of(v, GYRO_MATRIX)[AXES * i];
         const double felt = row[0] * rate_dps[0] + row[1] * rate_dps[1] + row[2] * rate_dps[2];
         const double rate = felt + ride_bias_dps(v, i, time_s) + is->gyro_noise_dps * white[i];
-        const double force = force_g[i] + shaken[i] + signal_of(v, ACCEL_OFFSET_G)[i] +
-                             is->accel_noise_g * white[AXES + i];
+        const double force =
+            force_g[i] + shaken[i] + signal_of(v, ACCEL_OFFSET_G)[i] + is->accel_noise_g * white[AXES + i];
         counts[i] = clip(rint(rate / is->gyro_unit), is->gyro_least, is->gyro_most);
         counts[AXES + i] = clip(rint(force / is->accel_unit), is->accel_least, is->accel_most);
     }
