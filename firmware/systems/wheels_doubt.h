@@ -1,17 +1,17 @@
-/* What the step of `wheels` does not believe: an accelerometer that stands still, encoders that are dead, a wheel
- * that slips, and wheels in the air. */
+/* What the step of `wheels` does not believe: an accelerometer that stands still, encoders that are dead, a
+ * wheel that slips, and wheels in the air. */
 #ifndef PLUMB_SYSTEMS_WHEELS_DOUBT_H
 #define PLUMB_SYSTEMS_WHEELS_DOUBT_H
 
 #include "core/fixed.h"
 #include "plumb/wheels.h"
 
-#define UP_LEAST      (1L << 25)  /* g Q26: half */
-#define APART_MOST    (8L << 26)  /* m/s Q26 */
-#define ROCKED_MOST   (1UL << 30) /* turn/s Q28 */
+#define UP_LEAST    (1L << 25)  /* g Q26: half */
+#define APART_MOST  (8L << 26)  /* m/s Q26 */
+#define ROCKED_MOST (1UL << 30) /* turn/s Q28 */
 
-/* Whether the accelerometer of the step before says nothing of the tilt: outside its range, or, while it drives
- * and so is upright, without half of gravity. */
+/* Whether the accelerometer of the step before says nothing of the tilt: outside its range, or, while it
+ * drives and so is upright, without half of gravity. */
 KERNEL bool is_odd(const plumb_wheels_words_t *w) {
     return (w->flags & (PLUMB_WHEELS_FLAG_ACCEL_X_CLAMPED | PLUMB_WHEELS_FLAG_ACCEL_Z_CLAMPED)) != 0U ||
            (w->phase != PLUMB_WHEELS_STOPPED && w->accel_z_g_q26 < UP_LEAST);
@@ -22,7 +22,8 @@ KERNEL uint32_t in_a_row(uint32_t steps, bool again, uint32_t most) {
     return again ? min_u32(steps + 1U, most) : 0U;
 }
 
-/* Steps since the last one with a count of a wheel, that one counted, up to the most; 0: none since it drives. */
+/* Steps since the last one with a count of a wheel, that one counted, up to the most; 0: none since it
+ * drives. */
 KERNEL uint32_t since_count(uint32_t steps, int32_t counts, uint32_t most) {
     return counts != 0 ? 1U : steps != 0U ? min_u32(steps + 1U, most) : 0U;
 }
@@ -46,20 +47,17 @@ KERNEL uint32_t doubt(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, b
     w->left_steps = since_count(w->left_steps, left, q->dead_steps);
     w->right_steps = since_count(w->right_steps, right, q->dead_steps);
     const int32_t nearly = duty_max_q15 - asr32(duty_max_q15, 3);
-    w->full_steps =
-        in_a_row(w->full_steps, counts && (int32_t)abs_u32(w->duty_q15) >= nearly, q->full_steps);
+    w->full_steps = in_a_row(w->full_steps, counts && (int32_t)abs_u32(w->duty_q15) >= nearly, q->full_steps);
     const uint32_t lifted = w->full_steps >= q->full_steps ? PLUMB_WHEELS_FLAG_LIFTED : 0U;
     if (counts) {
         w->rocked_turnps_q28 = 0U;
         return kept | lifted;
     }
-    w->rocked_turnps_q28 =
-        min_u32(w->rocked_turnps_q28 + abs_u32(w->rate_corrected_turnps_q28), ROCKED_MOST);
+    w->rocked_turnps_q28 = min_u32(w->rocked_turnps_q28 + abs_u32(w->rate_corrected_turnps_q28), ROCKED_MOST);
     const bool rocks = min_u32(w->left_steps, w->right_steps) >= q->dead_steps &&
                        w->rocked_turnps_q28 > q->rocked_turnps_q28;
-    const bool moves =
-        (w->left_steps | w->right_steps) == 0U &&
-        abs_u32(w->wheel.velocity_mps_q26 + w->apart_mps_q26) > (uint32_t)q->apart_max_mps_q26;
+    const bool moves = (w->left_steps | w->right_steps) == 0U &&
+                       abs_u32(w->wheel.velocity_mps_q26 + w->apart_mps_q26) > (uint32_t)q->apart_max_mps_q26;
     return kept | lifted | (rocks || moves ? PLUMB_WHEELS_FLAG_ENCODERS : 0U);
 }
 
@@ -78,8 +76,8 @@ KERNEL uint32_t beside(const plumb_wheel_params_t *p, int32_t counts, int32_t fe
 }
 
 /* Counts of both wheels in this step. While one slips, those of one of them and of the turn that the gyro
- * feels: of the wheel that is nearer to the speed that the accelerometer has felt; of the one that counts where
- * the other one does not. */
+ * feels: of the wheel that is nearer to the speed that the accelerometer has felt; of the one that counts
+ * where the other one does not. */
 KERNEL int32_t both(const plumb_wheels_words_t *w, const plumb_params_t *p, int32_t left, int32_t right) {
     const uint32_t dead = p->wheels.dead_steps;
     const bool one = (w->left_steps >= dead) != (w->right_steps >= dead);

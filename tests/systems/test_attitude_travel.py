@@ -166,7 +166,7 @@ def test_a_gust_makes_the_stated_tilt_as_large_as_the_error_that_it_brings() -> 
     raw[gust:, 3] += np.rint(0.2 * 5.0 * np.exp(-0.2 * since_s) / G_MPS2 / UNIT_G).astype(np.int16)
     words = flown(raw, thrust, 0.2)
     sigma, error = sigma_deg(words), error_deg(words, up)
-    assert sigma[gust - 1] < 1.0
+    assert 1.5 <= sigma[gust - 1] < 1.6, "the least in flight"
     grows = slice(gust, gust + steps(4.0))
     # or it is another gust: the drag of 5 m/s at 0.2 / s is 0.1 g, 5.8 deg, and sigma grows against it: 3.5.
     assert 3.0 < error[grows].max() < 4.0 and (error[grows] < sigma[grows]).all()
