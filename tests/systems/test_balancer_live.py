@@ -104,14 +104,14 @@ def test_the_gyro_has_noise_on_all_axes_but_not_while_it_is_stuck(
 @pytest.mark.slow
 def test_faults_on_request_are_in_the_registers_and_at_the_hall_sensors() -> None:
     """Prescribed motion, at rest until 3 s: 200 counts of noise, the end of the scale, nothing, an edge on. The
-    accelerometer's faults are shorter than what disarms."""
-    texts = ["noisy:gyro@1-2", "railed:accel_x@1-1.06", "silent:accel_z@1-1.06", "noisy:hall@1-2"]
+    accelerometer's faults are shorter than what disarms: three samples at a limit."""
+    texts = ["noisy:gyro@1-2", "railed:accel_x@1-1.02", "silent:accel_z@1-1.02", "noisy:hall@1-2"]
     trial = faulty(*texts, seconds=2.8, open_loop=True)
     raw = trial.inputs.raw.astype(int)
     before, during, after = raw[20:95], raw[105:195], raw[205:275]
     assert trial.verdict == "pass"
     assert np.std(during[:, 0]) == pytest.approx(200.0, rel=0.25)
-    assert 5 <= np.count_nonzero((raw[:, 1] == 4095) & (raw[:, 2] == 0)) <= 7
+    assert 1 <= np.count_nonzero((raw[:, 1] == 4095) & (raw[:, 2] == 0)) <= 2
     assert np.count_nonzero(np.diff(during[:, 3])) > 20 and np.ptp(during[:, 3]) == 1
     for good in (before, after):
         assert np.std(good[:, 0]) < 12.0 and np.max(np.abs(good[:, 1])) < 40 and np.min(good[:, 2]) > 200
