@@ -23,7 +23,9 @@ SENSORS_START_S = 0.3
 BLOCKED_BY_FAULT = 1 << 3
 RUN_TAG_SHIFT, RUN_TAG_MASK = 16, 15
 """Position of the run's tag in the detail of the ACK to RUN_BEGIN."""
-BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY = 1 << 11, 1 << 12
+BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, BLOCKED_STOPPED = 1 << 11, 1 << 12, 1 << 15
+PASSING = BLOCKED_BY_FAULT | BLOCKED_IMPLAUSIBLE | BLOCKED_NOT_READY | BLOCKED_STOPPED
+"""Reasons that block a run that has just begun: a vehicle knows its rider after some 20 ms."""
 ARM_AGAIN_S = 0.02
 """Pause between two attempts to arm a system that is not ready; each takes two requests of the link."""
 READY_WAIT_S = 3.0
@@ -153,7 +155,7 @@ class Session(BoardFrames):
         after the board has issued it, travel time both ways included.
 
         Waits up to SENSORS_START_S for a fault of the sensors to clear, and up to ready_wait_s for a system that is not
-        ready (at rest, converged, level, setpoint 0, sensors that agree). Raises LinkError with the reasons that block.
+        ready (at rest, converged, level, setpoint 0, sensors that agree, a step that lets the motors turn). Raises LinkError with the reasons that block.
         """
         waited = BoardWait(self.telemetry, self.clock)
         while True:
@@ -169,10 +171,10 @@ class Session(BoardFrames):
                 if error.reason != "BLOCKED":
                     raise
                 faulty = error.detail & BLOCKED_BY_FAULT
-                waiting = not error.detail & ~(BLOCKED_BY_FAULT | BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE)
+                waiting = not error.detail & ~PASSING
                 if not waiting or waited.over(SENSORS_START_S if faulty else ready_wait_s):
                     why = sensors_text(self.telemetry.get("SENSORS", {})) if faulty else []
-                    if error.detail & (BLOCKED_IMPLAUSIBLE | BLOCKED_NOT_READY):
+                    if error.detail & (PASSING & ~BLOCKED_BY_FAULT):
                         why += plausibility_text(self.telemetry.get("PLAUSIBILITY", {}))
                     error.args = ("; ".join([str(error), *why]),)
                     raise
