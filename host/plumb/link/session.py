@@ -155,7 +155,8 @@ class Session(BoardFrames):
         after the board has issued it, travel time both ways included.
 
         Waits up to SENSORS_START_S for a fault of the sensors to clear, and up to ready_wait_s for a system that is not
-        ready (at rest, converged, level, setpoint 0, sensors that agree, a step that lets the motors turn). Raises LinkError with the reasons that block.
+        ready (at rest, converged, level, setpoint 0, sensors that agree, a step that lets the motors turn). Raises
+        LinkError with the reasons that block.
         """
         waited = BoardWait(self.telemetry, self.clock)
         while True:
