@@ -209,7 +209,8 @@ def test_can_and_i2c_decode_to_what_the_board_did(image: Path, tmp_path: Path) -
     wanted = [transfer for transfer in transfers if tuple(byte for byte, _ in transfer[:2]) == GYRO_READ]
     assert len(wanted) >= 8 and all(acknowledged for transfer in wanted for _, acknowledged in transfer)
     reads = [transfer for transfer in transfers if transfer[0][0] == GYRO_READ[0] | 1]
-    assert all(len(transfer) == 7 and not transfer[-1][1] for transfer in reads) and len(reads) >= 8
+    data, settings = ([one for one in reads if len(one) == length] for length in (7, 2))
+    assert all(not one[-1][1] for one in reads) and len(data) >= 8 and len(data) + len(settings) == len(reads)
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00" * 8, b"\xff" * 8, bytes(range(8))])

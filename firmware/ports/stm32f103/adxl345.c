@@ -1,6 +1,6 @@
 /* ADXL345 accelerometer (Analog Devices data sheet, rev. E): full resolution, +-16 g, 256 counts per g. Timed
  * reads take the newest sample; its age is at most one period of its output rate. */
-#include "imu.h"
+#include "imu_chip.h"
 
 static const chip_step_t steps[] = {
     {CHIP_CHECK, 0x00u, 0xffu, 0xe5u},  /* DEVID */

@@ -3,7 +3,8 @@
 #ifndef PLUMB_STM32F103_IMU_COUNTS_H
 #define PLUMB_STM32F103_IMU_COUNTS_H
 
-#include "imu.h"
+#include "app/board_sensors.h"
+#include "imu_chip.h"
 
 /* Forget every check. */
 void imu_counts_clear(void);

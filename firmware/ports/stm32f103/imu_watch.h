@@ -3,7 +3,7 @@
 #ifndef PLUMB_STM32F103_IMU_WATCH_H
 #define PLUMB_STM32F103_IMU_WATCH_H
 
-#include "imu.h"
+#include "imu_chip.h"
 
 /* Longest limit of an axis while the motors may turn: then a rate changes by 0.4 deg/s rms at least, an
  * acceleration by 5 mg rms, more than the noise at rest behind a narrow filter. */

@@ -1,6 +1,6 @@
 /* ITG-3205 gyro (InvenSense data sheet PS-ITG-3205A): +-2000 deg/s, 14.375 counts per deg/s, 1000 samples a
  * second behind its low-pass. Timed reads take the newest sample, at most 1 ms old. */
-#include "imu.h"
+#include "imu_chip.h"
 
 static const chip_step_t steps[] = {
     {CHIP_CHECK, 0x00u, 0x7eu, 0x68u},  /* WHO_AM_I: bits 6 to 1 alone are defined */

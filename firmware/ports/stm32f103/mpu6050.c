@@ -7,7 +7,7 @@
  * WHO_AM_I alone, and are accepted: all of them have these ranges, gyro filters and data registers.
  * On an MPU-6500 and its kin the accelerometer's low-pass has a register of its own (ACCEL_CONFIG 2), which
  * keeps its value after reset, the widest. */
-#include "imu.h"
+#include "imu_chip.h"
 
 #define WHO_AM_I 0x75u
 
