@@ -76,7 +76,7 @@ def inputs(pair: Pair, port: str) -> int:
 
 
 def assert_both_left_the_same(pair: Pair) -> None:
-    """Once the firmware has started on both. It looks for a chip that does not answer every millisecond: while it does on
+    """Once the firmware has started. It looks for a chip that does not answer every millisecond: while it does on
     one model alone, both go on."""
     pair.second.run(START_S)
     pair.first.advance_us(START_S * 1e6)
