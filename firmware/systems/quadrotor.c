@@ -81,7 +81,7 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
     count(&w->idle_steps, low && !airborne);
     count(&w->lying_steps, low && !by_rate && lies(w, c->attitude.words.accel_g_q25));
     count(&w->upturned_steps, on && w->up_q30[2] < 0 && (!by_rate || w->phase != PLUMB_QUADROTOR_FLOWN));
-    watch_runaway(w, landed || c->attitude.flown_blocks < WATCHED_BLOCKS);
+    watch_runaway(w, low, landed || c->attitude.flown_blocks < WATCHED_BLOCKS);
     decide(w, q, on, lost, landed, unsure);
 
     const bool flies = on && w->phase != PLUMB_QUADROTOR_STOPPED;

@@ -52,9 +52,10 @@ KERNEL bool grows_against(const plumb_rate_loop_t *loop, int32_t rate_turnps_q28
 }
 
 /* Counts the steps of a runaway: rotors in the wrong places and an inverted gyro drive a rate away from what
- * is asked for, while the mixer gives all it has. Steps of other kinds are taken off again. */
-KERNEL void watch_runaway(plumb_quadrotor_words_t *w, bool watched) {
-    const bool limited = (w->flags & PLUMB_QUADROTOR_FLAG_TILT_LIMITED) != 0U;
+ * is asked for, while the mixer gives all it has. With a low throttle it has nothing to give, and wind turns
+ * a vehicle, too. Steps of other kinds are taken off again. */
+KERNEL void watch_runaway(plumb_quadrotor_words_t *w, bool low, bool watched) {
+    const bool limited = !low && (w->flags & PLUMB_QUADROTOR_FLAG_TILT_LIMITED) != 0U;
     if (!watched)
         w->runaway_steps = 0U;
     else if (limited && (grows_against(&w->roll, w->rate_turnps_q28[0]) ||

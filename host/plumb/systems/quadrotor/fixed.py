@@ -88,7 +88,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     )
     lost = listen(f, p, receiver)
     watch(f, p, seen, a.rate, a.accel, a.up[2])
-    watch_runaway(f, seen, c.tilt_limited, c.loops, a.rate)
+    watch_runaway(f, p, seen, c.tilt_limited, c.loops, a.rate)
     decide(f, p, seen, lost)
 
     flies = seen.on & (f.phase != STOPPED)

@@ -122,10 +122,16 @@ def grows_against(loop: RateLoopState, rate: Integer) -> Integer:
 
 
 def watch_runaway(
-    c: FlightState, seen: Seen, tilt_limited: Integer, loops: Sequence[RateLoopState], rate: Sequence[Integer]
+    c: FlightState,
+    p: Params,
+    seen: Seen,
+    tilt_limited: Integer,
+    loops: Sequence[RateLoopState],
+    rate: Sequence[Integer],
 ) -> None:
     """Count the steps of a runaway. tilt_limited: of the step before; loops: of roll and pitch, before this step."""
-    away = tilt_limited & (grows_against(loops[0], rate[0]) | grows_against(loops[1], rate[1]))
+    low = seen.on & (seen.throttle < p["quadrotor.low_q15"])
+    away = (low == 0) & tilt_limited & (grows_against(loops[0], rate[0]) | grows_against(loops[1], rate[1]))
     steps = select(away, c.runaway_steps + 1, c.runaway_steps - 1)
     c.runaway_steps = select(seen.watched, clamp(steps, 0, LONGEST_STEPS), 0 * steps)
 

@@ -113,7 +113,7 @@ class Flight:
         levels = not given.mode_rate or self.phase is not Phase.FLOWN
         self.upturned = self.upturned + 1 if given.on and levels and seen.up[2] < 0.0 else 0
         grows = any(grows_against(loop, rate) for loop, rate in zip(loops, seen.rate_dps[:2].tolist(), strict=True))
-        self.away = max(self.away + (1 if self.limited and grows else -1), 0)
+        self.away = max(self.away + (1 if self.limited and grows and not low else -1), 0)
         if not seen.flight.landed and seen.flight.flown_blocks >= WATCHED_BLOCKS:
             self.away = 0
 
