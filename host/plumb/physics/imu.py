@@ -66,6 +66,15 @@ class Imu:
         self.gyro_noise_dps = float(grade.gyro_noise_dps * per_sample)
         self.accel_noise_g = float(grade.accel_noise_g * per_sample)
 
+    def numbers(self) -> dict[str, float]:
+        """For a plant in C: units and limits of the counts, noise of a sample, and the time of warming up."""
+        numbers = {}
+        for name, channel in (("gyro", self.grade.gyro), ("accel", self.grade.accel)):
+            numbers[f"{name}_unit"] = channel.unit_per_count
+            numbers[f"{name}_least"], numbers[f"{name}_most"] = float(channel.min_counts), float(channel.max_counts)
+        noise = {"gyro_noise_dps": self.gyro_noise_dps, "accel_noise_g": self.accel_noise_g}
+        return {**numbers, **noise, "warm_up_s": WARM_UP_S}
+
     def bias_now_dps(self, time_s: float) -> FloatArray:
         """Bias of the gyro, (3, runs); time_s: since power-up."""
         return np.asarray(self.bias_dps + self.stepped_dps - self.warm_up_dps * math.expm1(-time_s / WARM_UP_S))

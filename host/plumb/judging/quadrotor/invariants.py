@@ -16,6 +16,7 @@ import numpy.typing as npt
 from plumb.judging.quadrotor.plots import error_deg, flown_deg
 from plumb.physics.pilots import DEG
 from plumb.proof.invariants import Violation
+from plumb.proof.moments import behind
 from plumb.proof.runs import Run
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.systems.contracts import Scenario
@@ -59,13 +60,6 @@ def events_drawn(scenario: Scenario) -> int:
     return int(getattr(scenario, "events", 0))
 
 
-def _behind(on: BoolArray, steps: int) -> BoolArray:
-    """True where it is or was true at most so many steps ago."""
-    places = np.arange(len(on))
-    last = np.maximum.accumulate(np.where(on, places, -steps - 1))
-    return np.asarray(places - last <= steps)
-
-
 def _most(values: FloatArray, steps: int) -> FloatArray:
     """The largest of each value and those of so many steps before it."""
     padded = np.concatenate([np.full(steps, -np.inf), values])
@@ -91,24 +85,24 @@ class _Judged:
         self.second = round(BEHIND_S / run.params.period_s)
         self.flags = words["flags"].astype(np.int64)
         happening = truth["happening"].astype(np.int64)
-        self.honest = ~_behind(happening & (GYRO_LIES | ACCEL_LIES) != 0, round(LIE_S / run.params.period_s))
+        self.honest = ~behind(happening & (GYRO_LIES | ACCEL_LIES) != 0, round(LIE_S / run.params.period_s))
         bits = {what: 1 << place for place, what in enumerate(courses.HAPPENINGS)}
         lasting = happening & (bits[courses.CUT] | bits[courses.DEAF] | bits[courses.THROTTLE]) != 0
         self.weak = np.logical_or.accumulate(happening & bits[courses.WEAK] != 0)
-        self.event = _behind(_changes(happening) | _changes(words["phase"].astype(np.int64)) | lasting, self.second)
+        self.event = behind(_changes(happening) | _changes(words["phase"].astype(np.int64)) | lasting, self.second)
         levels = self.flags & LEVELS != 0
-        self.mode = _behind(_changes(levels) | ~levels, round(MODE_S / run.params.period_s))
-        limited = _behind(self.flags & (TILT_LIMITED | YAW_LIMITED) != 0, self.second)
+        self.mode = behind(_changes(levels) | ~levels, round(MODE_S / run.params.period_s))
+        limited = behind(self.flags & (TILT_LIMITED | YAW_LIMITED) != 0, self.second)
         stopped = words["phase"] == STOPPED
         self.over = np.logical_or.accumulate(stopped)
         on_ground = bool((truth["clear_m"] != truth["height_m"]).any())
         self.high = truth["clear_m"] > AIR_M if on_ground else np.ones(len(stopped), np.bool_)
         self.on = inputs.raw[:, SWITCHES] & ROTORS_ON != 0
         flown = self.on & (words["phase"] == FLOWN) & (self.flags & FLIES != 0) & ~self.over
-        self.air = flown & self.high & (self.time_s >= courses.ACTS_S) & ~_behind(truth["pressed"] > 0.0, self.second)
+        self.air = flown & self.high & (self.time_s >= courses.ACTS_S) & ~behind(truth["pressed"] > 0.0, self.second)
         bias_dps = np.stack([truth[f"bias_{axis}_dps"] for axis in "xyz"])
         stepped = np.concatenate([[False], np.abs(np.diff(bias_dps)).max(axis=0) > BIAS_STEP_DPS])
-        known = ~_behind(stepped, round(LEARNT_S / run.params.period_s))
+        known = ~behind(stepped, round(LEARNT_S / run.params.period_s))
         self.quiet = self.air & self.honest & known & levels & ~self.event & ~self.mode & ~limited
 
 
@@ -148,7 +142,7 @@ def _tilt(judged: _Judged) -> Iterator[Violation]:
     spare = np.where(judged.weak, TILT_DEG, CALM_DEG)
     calm, unsure = most + _most(error_deg(judged.run), steps) + spare, judged.flags & UNSURE != 0
     yield from _first("calm", judged, judged.quiet & unsure & (lean > calm), lean, calm)
-    sure = judged.quiet & ~_behind(unsure, steps)
+    sure = judged.quiet & ~behind(unsure, steps)
     yield from _first("tilt", judged, sure & (lean > most + TILT_DEG), lean, most + TILT_DEG)
     steady = _most(roll, steps) - -_most(-roll, steps) + _most(pitch, steps) - -_most(-pitch, steps) < 10.0
     apart = flown_deg(judged.run)
@@ -170,7 +164,7 @@ def _landed(judged: _Judged) -> Iterator[Violation]:
     still = (truth["pressed"] > 0.5) & (truth["speed_mps"] < STILL_MPS) & (rate < STILL_DPS)
     still &= (judged.run.inputs.setpoint <= 0) & judged.on & judged.honest & ~judged.over
     still &= judged.time_s >= courses.ACTS_S
-    lay = ~_behind(~still, steps)
+    lay = ~behind(~still, steps)
     known = judged.flags & AIRBORNE == 0
     found = np.full(len(lay), LIES_STILL_S)
     yield from _first("landed", judged, lay & ~known, found, found)

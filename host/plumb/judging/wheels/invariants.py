@@ -12,6 +12,7 @@ import numpy as np
 
 from plumb.judging.wheels.plots import estimate_deg
 from plumb.proof.invariants import Violation
+from plumb.proof.moments import behind
 from plumb.proof.runs import Run
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.systems.contracts import Scenario
@@ -42,13 +43,6 @@ def events_drawn(scenario: Scenario) -> int:
     return int(getattr(scenario, "events", 0))
 
 
-def _behind(on: BoolArray, steps: int) -> BoolArray:
-    """True where it is or was true at most so many steps ago."""
-    places = np.arange(len(on))
-    last = np.maximum.accumulate(np.where(on, places, -steps - 1))
-    return np.asarray(places - last <= steps)
-
-
 class _Judged:
     """The moments of a run, each (steps,)."""
 
@@ -75,7 +69,7 @@ class _Judged:
 
     def lasts(self, on: BoolArray, seconds: float) -> BoolArray:
         """Where it is, and so long after."""
-        return _behind(on, round(seconds / self.period_s))
+        return behind(on, round(seconds / self.period_s))
 
     def down_before(self) -> BoolArray:
         """Where it had fallen, or a sensor had stopped it, in the step before."""
@@ -83,7 +77,7 @@ class _Judged:
 
     def since(self, on: BoolArray, seconds: float) -> BoolArray:
         """Where it has lasted for so long."""
-        return ~_behind(~on, round(seconds / self.period_s))
+        return ~behind(~on, round(seconds / self.period_s))
 
 
 def violations(run: Run) -> list[Violation]:

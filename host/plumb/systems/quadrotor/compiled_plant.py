@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from plumb.physics import airframe, ground, imu, pilots, quadrotor
+from plumb.physics import airframe, ground, pilots, quadrotor
 from plumb.physics.sensors import FAULT_NOISE_LSB, FAULT_RAIL_LSB
 from plumb.spec.arrays import FloatArray
 from plumb.systems.compiled_plants import DrawnRun
@@ -29,7 +29,7 @@ def drawn(scenario: Scenario, *, open_loop: bool) -> DrawnRun:
         **_times(begins),
         **_frame(begins),
         **_surroundings(begins),
-        **_sensors(begins),
+        **begins.imu.numbers(),
         **_course(begins.course),
         **_pilot(begins),
         "turns": float(len(begins.course.turns)),
@@ -87,21 +87,6 @@ def _surroundings(begins: Vehicles) -> Mapping[str, float]:
         "wind_mps": begins.wind.speed_mps,
         "east": float(begins.wind.along[0, 0]),
         "north": float(begins.wind.along[1, 0]),
-    }
-
-
-def _sensors(begins: Vehicles) -> Mapping[str, float]:
-    sensors, grade = begins.imu, begins.imu.grade
-    return {
-        "gyro_unit": grade.gyro.unit_per_count,
-        "gyro_least": float(grade.gyro.min_counts),
-        "gyro_most": float(grade.gyro.max_counts),
-        "accel_unit": grade.accel.unit_per_count,
-        "accel_least": float(grade.accel.min_counts),
-        "accel_most": float(grade.accel.max_counts),
-        "gyro_noise_dps": sensors.gyro_noise_dps,
-        "accel_noise_g": sensors.accel_noise_g,
-        "warm_up_s": imu.WARM_UP_S,
     }
 
 

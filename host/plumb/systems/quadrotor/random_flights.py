@@ -10,30 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from plumb.physics import pilots
 from plumb.physics.airframe import G_MPS2, Airframe, command_for
 from plumb.physics.sensors import Fault, FaultKind
+from plumb.systems import random_events
 from plumb.systems.quadrotor import courses, random_frames
 from plumb.systems.quadrotor.courses import ACTS_S, REST_S, Course, Happening, Turn
+from plumb.systems.random_events import Event, between
 
-SECONDS, EVENTS_MOST, WIND_MPS = 30.0, 4, 10.0
+SECONDS, WIND_MPS = 30.0, 10.0
 STREAM = 20_811
 """Of the generator: what a flight is does not change with the noise of its sensors."""
-WITHOUT_EVENTS = 0.1
 HELD = pilots.Leaning(pitch_rad=pilots.HELD_DEG * pilots.DEG)
 KEEPS_ON_S, CLIMB_SHARE, CLIMB_MOST_S = 8.0, 0.9, 6.0
 GYRO, ACCEL = range(3), range(3, 6)
-
-
-class Event(NamedTuple):
-    """What one event of a flight is made of."""
-
-    happenings: tuple[Happening, ...] = ()
-    faults: tuple[Fault, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -42,35 +35,30 @@ class Flight:
 
     frame: Airframe
     course: Course
-    events: tuple[Event, ...]
+    events: tuple[Event[Happening], ...]
     lands: bool
 
 
-def _between(rng: np.random.Generator, least_s: float, most_s: float) -> float:
-    """A length of time whose logarithm is uniform."""
-    return float(np.exp(rng.uniform(math.log(least_s), math.log(most_s))))
+def _lasting(rng: np.random.Generator, what: str, begin_s: float, least_s: float, most_s: float) -> Event[Happening]:
+    return Event((Happening(what, begin_s, begin_s + between(rng, least_s, most_s)),))
 
 
-def _lasting(rng: np.random.Generator, what: str, begin_s: float, least_s: float, most_s: float) -> Event:
-    return Event((Happening(what, begin_s, begin_s + _between(rng, least_s, most_s)),))
-
-
-def _bias(rng: np.random.Generator, begin_s: float) -> Event:
+def _bias(rng: np.random.Generator, begin_s: float) -> Event[Happening]:
     axes = int(rng.choice([1, 2, 4, 7]))
     step_dps = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.5, 5.0)) / math.sqrt(axes.bit_count())
     return Event((Happening(courses.BIAS, begin_s, size=step_dps, number=axes),))
 
 
-def _fault(rng: np.random.Generator, begin_s: float) -> Event:
+def _fault(rng: np.random.Generator, begin_s: float) -> Event[Happening]:
     kinds: tuple[FaultKind, ...] = ("railed", "stuck", "flickering", "amplified", "missing")
     kind = kinds[int(rng.integers(len(kinds)))]
     axes = GYRO if rng.random() < 0.5 else ACCEL
     channels = [*GYRO, *ACCEL] if kind == "missing" else axes if rng.random() < 0.5 else [int(rng.choice(axes))]
-    end_s = begin_s + _between(rng, 0.05, SECONDS)
+    end_s = begin_s + between(rng, 0.05, SECONDS)
     return Event((), tuple(Fault(kind, channel, begin_s, end_s) for channel in channels))
 
 
-EVENTS: tuple[Callable[[np.random.Generator, float], Event], ...] = (
+EVENTS: tuple[Callable[[np.random.Generator, float], Event[Happening]], ...] = (
     lambda rng, begin_s: _lasting(rng, courses.CUT, begin_s, 0.2, 3.0),
     lambda rng, begin_s: _lasting(rng, courses.DEAF, begin_s, 0.05, 5.0),
     lambda rng, begin_s: Event((Happening(courses.GUST, begin_s, size=rng.uniform(3.0, 8.0)),)),
@@ -142,15 +130,10 @@ def drawn(seed: int) -> Flight:
     lands = bool(rng.random() < 0.5)
     course = Course("drawn from the seed", pilots.centred, SECONDS, wind_mps=rng.uniform(0.0, WIND_MPS))
     course = PILOTS[int(rng.integers(len(PILOTS)))](rng, course, frame)
-    count = 0 if rng.random() < WITHOUT_EVENTS else int(rng.integers(2, EVENTS_MOST + 1))
-    kinds, begins = rng.integers(len(EVENTS), size=count), np.sort(rng.uniform(REST_S, SECONDS, count))
-    events = tuple(EVENTS[kind](rng, begin_s) for kind, begin_s in zip(kinds.tolist(), begins.tolist(), strict=True))
-    return Flight(frame, course, events, lands)
+    return Flight(frame, course, random_events.drawn(rng, EVENTS, REST_S, SECONDS), lands)
 
 
 def kept(flight: Flight, mask: int) -> tuple[Course, tuple[Fault, ...]]:
     """The course with the events whose bits are set, and their faults."""
-    events = [event for place, event in enumerate(flight.events) if mask >> place & 1]
-    happenings = tuple(one for event in events for one in event.happenings)
-    course = replace(flight.course, happenings=(*flight.course.happenings, *happenings))
-    return course, tuple(one for event in events for one in event.faults)
+    happenings, faults = random_events.kept(flight.events, mask)
+    return replace(flight.course, happenings=(*flight.course.happenings, *happenings)), faults

@@ -25,6 +25,7 @@ from plumb.systems.quadrotor.drawn_run import Scenario
 from plumb.systems.quadrotor.frame_tuning import rates_of
 from plumb.systems.quadrotor.plant import QuadrotorPlant
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
+from plumb.systems.random_events import EVENTS_ALL, EVENTS_NOTE, RANDOM, check_conditions
 from plumb.systems.run_length import length_s
 
 PERIOD_US = 2_500
@@ -35,15 +36,13 @@ UNSURE_DEG = 10.0
 """Beyond this standard deviation of the tilt the error of the vertical asks for slow rates alone."""
 NOISES, STICKS = 9, 1200
 
-RANDOM = "random"
 SCENARIOS = {
     **{name: course.title for name, course in courses.COURSES.items()},
     RANDOM: "any frame, pilot, wind and events, drawn from the seed",
 }
 SECONDS = {**{name: course.seconds for name, course in courses.COURSES.items()}, RANDOM: random_flights.SECONDS}
-EVENTS_ALL = 2**random_flights.EVENTS_MOST - 1
 CONDITIONS = {
-    "events": f"of random: bit i keeps its i-th drawn event (default {EVENTS_ALL}, all)",
+    "events": EVENTS_NOTE,
     "plain_frame": "of random: 1 for the hummingbird instead of the drawn frame (default 0)",
 }
 DEFAULT_SCENARIO, DEFAULT_TUNING = "calm", "hummingbird"
@@ -126,12 +125,9 @@ def scenario(
         raise UsageError(f"the physics take steps of {SUB_STEP_US} us: a period is a whole number of them")
     seconds = length_s("quadrotor", name, SECONDS, seconds, period_us, PERIODS_US, seed)
     flown = _drawn(name, seed, round(seconds * 1e6 / period_us), period_us, faults)
+    check_conditions(name, events, plain_frame)
     if name != RANDOM:
-        if events != EVENTS_ALL or plain_frame:
-            raise UsageError(f"events and plain_frame are conditions of the scenario {RANDOM}, not of {name}")
         return flown
-    if events not in range(EVENTS_ALL + 1) or plain_frame not in (0.0, 1.0):
-        raise UsageError(f"events is a whole number of 0 to {EVENTS_ALL}, plain_frame 0 or 1")
     flight = random_flights.drawn(seed)
     course, lying = random_flights.kept(flight, int(events))
     frame = FRAME if plain_frame else flight.frame

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from plumb.physics import imu
 from plumb.physics.sensors import FAULT_NOISE_LSB, FAULT_RAIL_LSB
 from plumb.systems.balancer import vehicle as one_motor
 from plumb.systems.compiled_plants import DrawnRun
@@ -24,7 +23,8 @@ def drawn(scenario: Scenario, *, open_loop: bool) -> DrawnRun:
     happens = scenario.ride.happens()
     rows = [(rides.HAPPENINGS.index(one.what), *one[1:]) for one in happens]
     sensors = begins.imu
-    numbers = {**_ride(scenario, len(happens)), **_vehicle(scenario), **_sensors(sensors)}
+    fault = {"fault_noise_lsb": FAULT_NOISE_LSB, "fault_rail_lsb": float(FAULT_RAIL_LSB)}
+    numbers = {**_ride(scenario, len(happens)), **_vehicle(scenario), **sensors.numbers(), **fault}
     signals = {
         "gyro_matrix": sensors.matrix,
         "gyro_bias_dps": sensors.bias_dps,
@@ -93,21 +93,4 @@ def _vehicle(scenario: Scenario) -> Mapping[str, float]:
         "counts_per_turn": float(vehicle.COUNTS_PER_TURN),
         "chatter_ms": float(rides.CHATTER_MS),
         "closed_ms": float(rides.CLOSED_MS),
-    }
-
-
-def _sensors(sensors: imu.Imu) -> Mapping[str, float]:
-    grade = sensors.grade
-    return {
-        "gyro_unit": grade.gyro.unit_per_count,
-        "gyro_least": float(grade.gyro.min_counts),
-        "gyro_most": float(grade.gyro.max_counts),
-        "accel_unit": grade.accel.unit_per_count,
-        "accel_least": float(grade.accel.min_counts),
-        "accel_most": float(grade.accel.max_counts),
-        "gyro_noise_dps": sensors.gyro_noise_dps,
-        "accel_noise_g": sensors.accel_noise_g,
-        "warm_up_s": imu.WARM_UP_S,
-        "fault_noise_lsb": FAULT_NOISE_LSB,
-        "fault_rail_lsb": float(FAULT_RAIL_LSB),
     }

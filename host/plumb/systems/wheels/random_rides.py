@@ -8,31 +8,24 @@ accelerometer.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from plumb.physics.sensors import FAULT_KINDS, Fault, FaultKind
 from plumb.spec.arrays import FloatArray
+from plumb.systems import random_events
+from plumb.systems.random_events import Event, between
 from plumb.systems.wheels import rides
 from plumb.systems.wheels.rides import Happening, Ride
 
-SECONDS, EVENTS_MOST, FROM_S = 16.0, 4, 4.0
+SECONDS, FROM_S = 16.0, 4.0
 STREAM = 20_812
 """Of the generator: what a ride is does not change with the noise of its sensors."""
-WITHOUT_EVENTS, SLOPE_DEG, SHIFT_M, SPEED_EVERY_S, PUSH_MPS2 = 0.1, 15.0, 0.015, 3.0, 5.0
+SLOPE_DEG, SHIFT_M, SPEED_EVERY_S, PUSH_MPS2 = 15.0, 0.015, 3.0, 5.0
 LEFT, RIGHT = 4, 5
 """Channels of the encoders; those of gyro and accelerometer come first."""
-
-
-class Event(NamedTuple):
-    """What one event of a ride is made of."""
-
-    happenings: tuple[Happening, ...] = ()
-    faults: tuple[Fault, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -43,7 +36,7 @@ class RandomRide:
     changes_s: FloatArray
     mps: FloatArray
     dps: FloatArray
-    events: tuple[Event, ...]
+    events: tuple[Event[Happening], ...]
 
     def asked(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Speed and turn rate that are asked for at these times."""
@@ -52,29 +45,25 @@ class RandomRide:
 
     def kept(self, mask: int) -> tuple[Ride, tuple[Fault, ...]]:
         """The ride with the events whose bits are set, and their faults."""
-        events = [event for place, event in enumerate(self.events) if mask >> place & 1]
-        happenings = tuple(one for event in events for one in event.happenings)
-        return replace(self.ride, happenings=happenings), tuple(one for event in events for one in event.faults)
-
-
-def _between(rng: np.random.Generator, least_s: float, most_s: float) -> float:
-    """A length of time whose logarithm is uniform."""
-    return float(np.exp(rng.uniform(math.log(least_s), math.log(most_s))))
+        happenings, faults = random_events.kept(self.events, mask)
+        return replace(self.ride, happenings=happenings), faults
 
 
 def _lasting(
     rng: np.random.Generator, what: str, begin_s: float, lasts_s: tuple[float, float], size: float = 0.0,
     number: int = 0,
-) -> Event:  # fmt: skip
-    return Event((Happening(what, begin_s, begin_s + _between(rng, *lasts_s), size, number),))
+) -> Event[Happening]:  # fmt: skip
+    return Event((Happening(what, begin_s, begin_s + between(rng, *lasts_s), size, number),))
 
 
-def _fault(rng: np.random.Generator, begin_s: float, channels: tuple[int, ...], kinds: tuple[FaultKind, ...]) -> Event:
-    end_s = begin_s + _between(rng, 0.05, 4.0 * SECONDS)
+def _fault(
+    rng: np.random.Generator, begin_s: float, channels: tuple[int, ...], kinds: tuple[FaultKind, ...]
+) -> Event[Happening]:
+    end_s = begin_s + between(rng, 0.05, 4.0 * SECONDS)
     return Event((), tuple(Fault(kinds[int(rng.integers(len(kinds)))], one, begin_s, end_s) for one in channels))
 
 
-EVENTS: tuple[Callable[[np.random.Generator, float], Event], ...] = (
+EVENTS: tuple[Callable[[np.random.Generator, float], Event[Happening]], ...] = (
     lambda rng, begin_s: Event(
         (Happening(rides.PUSH, begin_s, begin_s + 0.2, float(rng.uniform(-PUSH_MPS2, PUSH_MPS2))),)
     ),
@@ -103,7 +92,4 @@ def drawn(seed: int) -> RandomRide:
     changes_s = np.sort(rng.uniform(FROM_S, SECONDS, changes))
     mps = rng.uniform(-rides.SPEED_MPS, rides.SPEED_MPS, changes + 1)
     dps = rng.choice([-rides.TURN_DPS, 0.0, 0.0, rides.TURN_DPS], changes + 1)
-    count = 0 if rng.random() < WITHOUT_EVENTS else int(rng.integers(2, EVENTS_MOST + 1))
-    kinds, begins = rng.integers(len(EVENTS), size=count), np.sort(rng.uniform(FROM_S, SECONDS, count))
-    events = tuple(EVENTS[kind](rng, begin_s) for kind, begin_s in zip(kinds.tolist(), begins.tolist(), strict=True))
-    return RandomRide(ride, changes_s, mps, dps, events)
+    return RandomRide(ride, changes_s, mps, dps, random_events.drawn(rng, EVENTS, FROM_S, SECONDS))

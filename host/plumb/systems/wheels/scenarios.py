@@ -14,7 +14,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.imu import DRAWS, MPU6050
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
@@ -24,6 +23,7 @@ from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer import vehicle as one_motor
 from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.systems.contracts import Plant
+from plumb.systems.random_events import EVENTS_ALL, EVENTS_NOTE, RANDOM, check_conditions
 from plumb.systems.run_length import length_s
 from plumb.systems.wheels import random_rides, rides
 from plumb.systems.wheels.drawn_run import Scenario
@@ -35,7 +35,6 @@ PERIOD_US = 5_000
 LINK = {"pins": 3, "accel_bus": 2}
 """Drivers and encoders of two wheels; an MPU-6050."""
 PERIODS_US = (2_000, 10_000)
-RANDOM = "random"
 SCENARIOS = {
     **{name: ride.title for name, ride in rides.RIDES.items()},
     RANDOM: "any speeds, turns, slope and events, drawn from the seed",
@@ -43,9 +42,8 @@ SCENARIOS = {
 SECONDS = {**{name: ride.seconds for name, ride in rides.RIDES.items()}, RANDOM: random_rides.SECONDS}
 RANDOM_BASE = replace(rides.LEVEL, pushes=False)
 """What random changes."""
-EVENTS_ALL = 2**random_rides.EVENTS_MOST - 1
 CONDITIONS = {
-    "events": f"of random: bit i keeps its i-th drawn event (default {EVENTS_ALL}, all)",
+    "events": EVENTS_NOTE,
     "plain_frame": "of random: 1 for level ground and a rider in the middle (default 0)",
 }
 DEFAULT_SCENARIO, DEFAULT_TUNING = "level", "steered"
@@ -106,12 +104,9 @@ def scenario(
     """
     seconds = length_s("wheels", name, SECONDS, seconds, period_us, PERIODS_US, seed)
     run = _drawn(name, seed, round(seconds * 1e6 / period_us), period_us, faults)
+    check_conditions(name, events, plain_frame)
     if name != RANDOM:
-        if events != EVENTS_ALL or plain_frame:
-            raise UsageError(f"events and plain_frame are conditions of the scenario {RANDOM}, not of {name}")
         return run
-    if events not in range(EVENTS_ALL + 1) or plain_frame not in (0.0, 1.0):
-        raise UsageError(f"events is a whole number of 0 to {EVENTS_ALL}, plain_frame 0 or 1")
     random = random_rides.drawn(seed)
     ride, lying = random.kept(int(events))
     if plain_frame:
