@@ -74,8 +74,7 @@ static void transmit(void) {
 
 /* True when a step is due, with its inputs: in lockstep when the host has sent a sample, in real time when
  * the timer ticks. */
-static bool take_inputs(const session_orders_t *orders, int16_t raw[PLUMB_RAW_MAX],
-                        int32_t *setpoint_turn_q32) {
+static bool take_inputs(const session_orders_t *orders, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint) {
     if (orders->mode == RUN_IDLE || (orders->mode == RUN_REALTIME && !board_take_tick())) {
         return false;
     }
@@ -83,7 +82,7 @@ static bool take_inputs(const session_orders_t *orders, int16_t raw[PLUMB_RAW_MA
         memset(raw, 0, PLUMB_RAW_MAX * sizeof raw[0]); /* counts that no sensor of the board gives */
         board_read_sensors(raw);
     }
-    return session_take_inputs(&session, raw, setpoint_turn_q32);
+    return session_take_inputs(&session, raw, setpoint);
 }
 
 /* Writes the outputs of the last step to the actuator of the system. */
@@ -204,9 +203,9 @@ static void obey(const session_orders_t *orders) {
  * the loop must still come round to its checks. */
 static void run_steps(const session_orders_t *orders) {
     int16_t raw[PLUMB_RAW_MAX];
-    int32_t setpoint_turn_q32;
-    for (unsigned i = 0u; i < RUN_QUEUE_LENGTH && take_inputs(orders, raw, &setpoint_turn_q32); i++) {
-        control_step(&control, &params.control, raw, setpoint_turn_q32);
+    int32_t setpoint;
+    for (unsigned i = 0u; i < RUN_QUEUE_LENGTH && take_inputs(orders, raw, &setpoint); i++) {
+        control_step(&control, &params.control, raw, setpoint);
         if (orders->driving) {
             actuate();
         }

@@ -106,7 +106,7 @@ static bool enqueue(run_t *r, routing_t *routing, const request_t *q) {
         nack(r, routing, q, MESSAGE_NACK_REASON_QUEUE_FULL);
         return false;
     }
-    *sample = (run_sample_t){.raw = {m.raw_0, m.raw_1, m.raw_2}, .setpoint_turn_q32 = r->setpoint.turn_q32};
+    *sample = (run_sample_t){.raw = {m.raw_0, m.raw_1, m.raw_2}, .setpoint = r->setpoint.value};
     if ((e2e_flags(q->frame) & MESSAGE_SAMPLE_A_WITH_B) != 0) {
         memcpy(&sample->raw[FRAME_COUNTS], r->more, sizeof r->more);
     }
@@ -256,7 +256,7 @@ void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q, uint32_t 
 
 /* ---- samples out ---- */
 
-void run_next_sample(run_t *r, bool mark_missing, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
+void run_next_sample(run_t *r, bool mark_missing, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint) {
     if (run_sample_waits(r)) {
         r->held = r->queue[RUN_SLOT(r->queue_out)];
         r->queue_out++;
@@ -270,7 +270,7 @@ void run_next_sample(run_t *r, bool mark_missing, int16_t raw[PLUMB_RAW_MAX], in
     if (r->mode != RUN_LOCKSTEP) {
         setpoint_copy_commands(&r->setpoint, raw);
     }
-    *setpoint_turn_q32 = r->mode == RUN_LOCKSTEP ? r->held.setpoint_turn_q32 : r->setpoint.turn_q32;
+    *setpoint = r->mode == RUN_LOCKSTEP ? r->held.setpoint : r->setpoint.value;
 }
 
 void run_stepped(run_t *r, bool saturated) {

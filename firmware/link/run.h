@@ -28,7 +28,7 @@ typedef struct {
 /* One injected sample with its setpoint. */
 typedef struct {
     int16_t raw[PLUMB_RAW_MAX];
-    int32_t setpoint_turn_q32;
+    int32_t setpoint; /* in the unit and format of its system.toml */
 } run_sample_t;
 
 /* Outside the memory that has a check word: its contents come from a host and are checked when they are used.
@@ -109,7 +109,7 @@ static inline bool run_sample_waits(const run_t *r) {
 
 /* Take the sample of the next step: the oldest queued one, else the last one again. mark_missing: a step
  * without a new sample gets counts of INT16_MIN instead. */
-void run_next_sample(run_t *r, bool mark_missing, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32);
+void run_next_sample(run_t *r, bool mark_missing, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint);
 
 /* Call after each step. saturated: a raw count was outside its range. */
 void run_stepped(run_t *r, bool saturated);

@@ -283,22 +283,22 @@ session_orders_t session_take_orders(session_t *s, uint32_t now_us) {
 /* ---- a run, step by step ---- */
 
 /* The next injected sample: in lockstep one that waits, when its replies have room. */
-static bool next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
+static bool next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint) {
     const link_t pacer = run_pacer(&s->run);
 
     if (pacer != LINK_NONE &&
         !(run_sample_waits(&s->run) && telemetry_has_room(&s->telemetry, &s->routing, pacer))) {
         return false;
     }
-    run_next_sample(&s->run, control_system(&s->params->control)->marks_missing, raw, setpoint_turn_q32);
+    run_next_sample(&s->run, control_system(&s->params->control)->marks_missing, raw, setpoint);
     return true;
 }
 
-bool session_take_inputs(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
+bool session_take_inputs(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint) {
     if (!s->run.live) {
-        return next_sample(s, raw, setpoint_turn_q32);
+        return next_sample(s, raw, setpoint);
     }
-    *setpoint_turn_q32 = s->run.setpoint.turn_q32;
+    *setpoint = s->run.setpoint.value;
     setpoint_copy_commands(&s->run.setpoint, raw);
     return true;
 }

@@ -159,7 +159,7 @@ session_orders_t session_take_orders(session_t *s, uint32_t now_us);
 /* The inputs of the next step. Live: raw holds the counts of the sensors, the setpoint and the commands are
  * added. Lockstep: false until a sample is waiting and its replies have room. Real time, injected: call on
  * every tick; without a new sample the last one is held and counted. */
-bool session_take_inputs(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32);
+bool session_take_inputs(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint);
 
 /* Call after control_step(): sends the digest and the selected words. */
 void session_stepped(session_t *s);

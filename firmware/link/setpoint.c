@@ -18,22 +18,22 @@ uint16_t setpoint_refused_set(const setpoint_t *s, uint16_t number, uint16_t nex
 #if CONTROL_COMMANDS_MAX > 0U
 void setpoint_of_board(setpoint_t *s, int32_t value, const int16_t *words, size_t count) {
     memcpy(s->commands.words, words, count * sizeof words[0]);
-    s->waiting = s->waiting || s->turn_q32 != value;
-    s->turn_q32 = value;
+    s->waiting = s->waiting || s->value != value;
+    s->value = value;
     s->heard = true; /* on every turn: how old it is, the step knows */
 }
 #endif
 
 static bool is_neutral(const setpoint_t *s) {
 #if CONTROL_COMMANDS_MAX > 0U
-    return s->turn_q32 == 0 && command_set_is_neutral(&s->commands);
+    return s->value == 0 && command_set_is_neutral(&s->commands);
 #else
-    return s->turn_q32 == 0;
+    return s->value == 0;
 #endif
 }
 
 static void become_neutral(setpoint_t *s) {
-    s->turn_q32 = 0;
+    s->value = 0;
     s->waiting = true;
 #if CONTROL_COMMANDS_MAX > 0U
     command_set_neutral(&s->commands);
@@ -48,8 +48,8 @@ void setpoint_begin(setpoint_t *s, const control_system_t *system) {
 #endif
     s->waiting = false;
     s->timed_out = false;
-    s->turn_q32 = 0;
-    s->told_turn_q32 = 0;
+    s->value = 0;
+    s->told = 0;
     s->armed = false;
     s->numbered = false;
 }
@@ -75,11 +75,11 @@ void setpoint_number(setpoint_t *s, uint16_t number) {
     s->steps_since = 0;
 }
 
-void setpoint_receive(setpoint_t *s, int32_t turn_q32) {
+void setpoint_receive(setpoint_t *s, int32_t value) {
 #if CONTROL_COMMANDS_MAX > 0U
     command_set_apply(&s->commands);
 #endif
-    s->turn_q32 = turn_q32;
+    s->value = value;
     s->heard = true;
     s->timed_out = false;
     s->waiting = true;
@@ -115,7 +115,7 @@ void setpoint_poll(setpoint_t *s, bool armed, bool driving, uint16_t next_step, 
 }
 
 void setpoint_report(setpoint_t *s, routing_t *routing, link_t source, uint16_t step) {
-    const message_setpoint_used_t used = {.step = step, .setpoint = s->turn_q32};
+    const message_setpoint_used_t used = {.step = step, .setpoint = s->value};
     unsigned flags = 0;
 
     s->steps_since = (uint16_t)(s->steps_since + (s->steps_since < UINT16_MAX ? 1U : 0U));
@@ -123,9 +123,9 @@ void setpoint_report(setpoint_t *s, routing_t *routing, link_t source, uint16_t 
         return;
     }
     flags |= s->timed_out ? MESSAGE_SETPOINT_USED_TIMED_OUT : 0U;
-    flags |= s->turn_q32 == s->told_turn_q32 ? MESSAGE_SETPOINT_USED_REPEATED : 0U;
+    flags |= s->value == s->told ? MESSAGE_SETPOINT_USED_REPEATED : 0U;
     s->waiting = false;
     s->timed_out = false;
-    s->told_turn_q32 = s->turn_q32;
+    s->told = s->value;
     routing_answer(routing, source, message_setpoint_used_pack(&used), (uint8_t)flags);
 }

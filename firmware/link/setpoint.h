@@ -4,8 +4,8 @@
  * setpoint becomes 0; so it does when the board disarms. In real time a setpoint counts when it carries a
  * newer step number than the last one that counted and than the last step that was armed, and when the source
  * can have received that number within SETPOINT_SILENCE_US: a source that replays recorded setpoints counts
- * as silent. Setpoints are in the system's unit, turn Q32 for an angle. Times are in us of the board's clock,
- * modulo 2^32. */
+ * as silent. A setpoint is an integer of the system in use, in the unit and format of its system.toml. Times
+ * are in us of the board's clock, modulo 2^32. */
 #ifndef PLUMB_LINK_SETPOINT_H
 #define PLUMB_LINK_SETPOINT_H
 
@@ -15,16 +15,16 @@
 #define SETPOINT_SILENCE_US 200000U
 
 typedef struct {
-    int32_t turn_q32;      /* in use; 0 at the start of a run */
-    int32_t told_turn_q32; /* value of the last SETPOINT_USED */
-    bool waiting;          /* lockstep: received for the next sample; real time: not reported yet */
-    bool heard;            /* one that counts was received since the last poll */
-    bool timed_out;        /* set to 0 by the time-out, and not reported yet */
-    bool armed;            /* at the last poll */
-    bool numbered;         /* real time: one has counted, or an arming has ended, in this run */
-    uint16_t number;       /* real time: step number of the last one that counted, or of the next step then */
-    uint16_t steps_since;  /* real time: steps since then, at most UINT16_MAX */
-    uint32_t heard_us;     /* last poll at which one had been received, or the actuator was not driven */
+    int32_t value;        /* in use; 0 at the start of a run */
+    int32_t told;         /* value of the last SETPOINT_USED */
+    bool waiting;         /* lockstep: received for the next sample; real time: not reported yet */
+    bool heard;           /* one that counts was received since the last poll */
+    bool timed_out;       /* set to 0 by the time-out, and not reported yet */
+    bool armed;           /* at the last poll */
+    bool numbered;        /* real time: one has counted, or an arming has ended, in this run */
+    uint16_t number;      /* real time: step number of the last one that counted, or of the next step then */
+    uint16_t steps_since; /* real time: steps since then, at most UINT16_MAX */
+    uint32_t heard_us;    /* last poll at which one had been received, or the actuator was not driven */
 #if CONTROL_COMMANDS_MAX > 0U
     command_set_t commands; /* that come with the setpoint, and share its age */
 #endif
@@ -74,7 +74,7 @@ static inline uint16_t setpoint_refused(const setpoint_t *s, uint16_t number, ui
 }
 
 /* Handle a setpoint that counts from the source of this run. */
-void setpoint_receive(setpoint_t *s, int32_t turn_q32);
+void setpoint_receive(setpoint_t *s, int32_t value);
 
 /* Call on every turn of the loop: applies the time-out and the end of arming. driving: the actuator may
  * move. next_step: of the run. */

@@ -116,11 +116,11 @@ static void turn(study_t *s) {
     if (s->now_us - s->tick_us >= s->params.period_us) {
         /* Level and still, by the calibration of the default table. */
         int16_t raw[PLUMB_RAW_MAX] = {1676, 2048, 3041};
-        int32_t setpoint_turn_q32;
+        int32_t setpoint;
 
         s->tick_us = s->now_us;
-        (void)session_take_inputs(&s->session, raw, &setpoint_turn_q32);
-        control_step(&s->control, &s->params.control, raw, setpoint_turn_q32);
+        (void)session_take_inputs(&s->session, raw, &setpoint);
+        control_step(&s->control, &s->params.control, raw, setpoint);
         session_stepped(&s->session);
     }
     while (session_transmit_frame(&s->session, &f)) {

@@ -62,10 +62,10 @@ static void anew(void) {
     r.queue_in = 3U;
     r.injected.begun = true;
     r.injected.silent = false;
-    r.setpoint.turn_q32 = 1 << 28;
+    r.setpoint.value = 1 << 28;
     run_stepped(&r, false);
     begin(&r, MESSAGE_RUN_BEGIN_RUN_REALTIME_INJECTED);
-    CHECK(r.step == 0U && !run_sample_waits(&r) && r.setpoint.turn_q32 == 0 && run_injected(&r));
+    CHECK(r.step == 0U && !run_sample_waits(&r) && r.setpoint.value == 0 && run_injected(&r));
     CHECK(injected_stale(&r.injected)); /* no sample has come */
 }
 

@@ -79,9 +79,9 @@ static void ends_with_the_arming(void) {
     setpoint_poll(&s, true, true, 10U, 0U);
     setpoint_receive(&s, 1 << 24);
     setpoint_poll(&s, true, true, 10U, 1000U);
-    CHECK(s.turn_q32 == 1 << 24);
+    CHECK(s.value == 1 << 24);
     setpoint_poll(&s, false, false, 11U, 2000U);
-    CHECK(s.turn_q32 == 0);
+    CHECK(s.value == 0);
     CHECK(setpoint_age(&s, 11U, 11U, PERIOD_US) == SETPOINT_REPEATED);
     CHECK(setpoint_age(&s, 12U, 12U, PERIOD_US) == SETPOINT_COUNTS);
 }

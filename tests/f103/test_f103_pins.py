@@ -221,10 +221,10 @@ def test_one_at_its_least_and_the_other_at_its_most(standard: Machine, hz: int) 
         control[[row.name for row in table()].index("esc.span_halfus")] = 1100
         session.upload(control, esc_period_us=period_us, period_us=20_000, arm_hold_ms=0)
         ends = []
-        for setpoint_turn_q32 in (1 << 29, -1 << 29):
+        for setpoint in (1 << 29, -1 << 29):
             session.begin("REALTIME_LIVE")
             session.arm()
-            session.set_setpoint(setpoint_turn_q32)
+            session.set_setpoint(setpoint)
             for _ in range(100):
                 session.receive(0.005)
             waves = [standard.pwm(pin) for pin in ("PB6", "PB7")]

@@ -220,7 +220,7 @@ class _Run:
     params: ControlParams
     ordinary: bool
     raw: npt.NDArray[np.int64]
-    setpoint_turn_q32: npt.NDArray[np.int64]
+    setpoint: npt.NDArray[np.int64]
     words: Words
 
 
@@ -440,7 +440,7 @@ def measure(image: Path | None = None) -> BenchResult:
 
     ordinary = [run for run in runs if run.ordinary]
     pid_worst = max(pid_error(run.words, run.params) for run in ordinary)
-    chain_worst_deg = max(chain_error_deg(run.params, run.raw, run.setpoint_turn_q32) for run in ordinary)
+    chain_worst_deg = max(chain_error_deg(run.params, run.raw, run.setpoint) for run in ordinary)
     rows = {
         "kalman_step": _row(step, "kalman_step", kalman_error_deg(list(hurried.TUNINGS))),
         "atan2": _row(step, "angle_atan2", angle_errors["atan2"]),

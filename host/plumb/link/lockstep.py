@@ -96,7 +96,7 @@ class Lockstep:
             self._said = Said(int(np.asarray(setpoint)[-1]), tuple(inputs[-1, self._layout.counts :].tolist()))
         return digests
 
-    def exchange(self, raw: tuple[int, ...], setpoint_turn_q32: int = 0) -> StepReply:
+    def exchange(self, raw: tuple[int, ...], setpoint: int = 0) -> StepReply:
         """Send one sample; returns the reply with all selected frames and words.
 
         Raises LinkError if the board stops answering or a selected word is lost; the run must then be repeated. The
@@ -104,7 +104,7 @@ class Lockstep:
         """
         session, step = self.session, self.step
         text = text_of_frames(
-            sample_frames(session.protocol, step, raw, setpoint_turn_q32, self._said, session.run_tag, self._layout)
+            sample_frames(session.protocol, step, raw, setpoint, self._said, session.run_tag, self._layout)
         )
         pending, known = session.selection.count() + 1, session.protocol.by_identifier
         values: dict[str, int] = {}
@@ -137,7 +137,7 @@ class Lockstep:
             if not pending:
                 self.step += 1
                 commands = tuple(raw[self._layout.counts : self._layout.size]) or self._layout.neutral
-                self._said = Said(setpoint_turn_q32, commands)
+                self._said = Said(setpoint, commands)
                 return StepReply(step, digest, values, words, bool(flags & 4))
             if digest >= 0:
                 raise LinkError(f"words of step {step} were lost on the link: run again")

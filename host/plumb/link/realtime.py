@@ -156,18 +156,18 @@ class Capture:
             self.raw[step] = whole
         self._part.pop(step - 32, None)  # the step number in these frames has six bits
 
-    def set_setpoint(self, setpoint_turn_q32: int, commands: tuple[int, ...] | None = None) -> None:
+    def set_setpoint(self, setpoint: int, commands: tuple[int, ...] | None = None) -> None:
         """Change the setpoint, with these words of commands or those said last, and wait for the board's report of the
         step that first used them."""
         reports = self.setpoints
         known = reports.count
         start = self.steps
         for _ in range(TRIES):
-            self.session.set_inputs(setpoint_turn_q32, commands)
+            self.session.set_inputs(setpoint, commands)
             report = self.session.listening.timeout(REPLY_TIMEOUT_S)
             while not report.over:
                 self.session.receive(report.left_s)
-                if reports.count > known and reports.changes[-1][1] == setpoint_turn_q32:
+                if reports.count > known and reports.changes[-1][1] == setpoint:
                     return
             reports.doubt = start if reports.doubt is None else reports.doubt
         raise LinkError("the board does not take the setpoint: check the cable")

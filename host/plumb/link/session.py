@@ -197,37 +197,38 @@ class Session(BoardFrames):
         """The inputs of a step of the system in use."""
         return layout_of(self.system) if len(RAW_FRAMES) > 2 else InputLayout()
 
-    def setpoint_frames(self, setpoint_turn_q32: int, commands: tuple[int, ...] | None = None) -> list[Frame]:
+    def setpoint_frames(self, setpoint: int, commands: tuple[int, ...] | None = None) -> list[Frame]:
         """A setpoint for a run in real time, to be sent in one write with other frames, and not repeated. commands:
         words that come with it; None: those said last. Without a frame while no step has come since the setpoint before
         it: then `receive` and `pump` send it."""
-        self.setpoint.say(setpoint_turn_q32, commands, repeats=False)
+        self.setpoint.say(setpoint, commands, repeats=False)
         return self._setpoint_due()
 
-    def set_commands(self, values: Mapping[str, int], setpoint_turn_q32: int | None = None) -> None:
+    def set_commands(self, values: Mapping[str, int], setpoint: int | None = None) -> None:
         """Set the commands of a run in real time, all of them at once: those that are not given get the value that
-        they have when nothing sets them. setpoint_turn_q32: that comes with them; None: the one said last.
+        they have when nothing sets them. setpoint: that comes with them; None: the one said last.
 
         They are sent, counted and repeated with the setpoint (`set_setpoint`). Raises UsageError for an unknown name
         and for a value beyond its limits, LinkError as set_setpoint does.
         """
         commands = declarations.system(self.system).pack_commands(values)
-        self.set_inputs(self.setpoint.value if setpoint_turn_q32 is None else setpoint_turn_q32, commands)
+        self.set_inputs(self.setpoint.value if setpoint is None else setpoint, commands)
 
-    def set_setpoint(self, setpoint_turn_q32: int) -> None:
-        """Set the setpoint of a run in real time, turn_q32. The board reports the first step that uses it in
-        SETPOINT_USED. One is sent for every step that is heard of; of several in between the last one counts.
+    def set_setpoint(self, setpoint: int) -> None:
+        """Set the setpoint of a run in real time, in the unit and format that its system declares. The board reports
+        the first step that uses it in SETPOINT_USED. One is sent for every step that is heard of; of several in between
+        the last one counts.
 
         `receive` and `pump` repeat it while this session keeps the board armed. Raises LinkError when the arming of
         this session has ended by itself: another host may have the board by now.
         """
-        self.set_inputs(setpoint_turn_q32)
+        self.set_inputs(setpoint)
 
-    def set_inputs(self, setpoint_turn_q32: int, commands: tuple[int, ...] | None = None) -> None:
+    def set_inputs(self, setpoint: int, commands: tuple[int, ...] | None = None) -> None:
         """As set_setpoint and set_commands; commands: their words, None: those said last."""
         self.pump()  # what has arrived meanwhile has the newest step, and may say that the arming is over
-        if self.holding.over and (setpoint_turn_q32 or self.holding.another):
+        if self.holding.over and (setpoint or self.holding.another):
             why = self.holding.over + ("" if self.holding.another else self.listening.unread_text)
             raise LinkError(f"the setpoint is not sent, because {why}: arm again")
-        self.setpoint.say(setpoint_turn_q32, commands, repeats=True)
+        self.setpoint.say(setpoint, commands, repeats=True)
         self._say_setpoint()

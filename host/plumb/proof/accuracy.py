@@ -180,11 +180,11 @@ def sincos_error(turn_q32: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return np.maximum(np.abs(sine / 2.0**30 - np.sin(angle)), np.abs(cosine / 2.0**30 - np.cos(angle)))
 
 
-def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike) -> float:
+def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> float:
     """Largest error of the fused tilt over the whole chain: calibration, tilt, trust and filter in integers and in
     float64."""
-    tilt_deg = native_core.run_control(params, raw, setpoint_turn_q32)["tilt_turn_q32"] * TURN_DEG
-    error = reference_kernels.wrap(tilt_deg - run_reference.run_control(params, raw, setpoint_turn_q32)["tilt_deg"])
+    tilt_deg = native_core.run_control(params, raw, setpoint)["tilt_turn_q32"] * TURN_DEG
+    error = reference_kernels.wrap(tilt_deg - run_reference.run_control(params, raw, setpoint)["tilt_deg"])
     return float(np.abs(error).max())
 
 
