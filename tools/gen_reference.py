@@ -64,6 +64,10 @@ def records() -> str:
             ("bit", "flag", "meaning"),
             [(str(i), flag.name + (" *" if flag.saturated else ""), flag.doc) for i, flag in enumerate(system.flags)],
         )
+        if system.stop_reasons:
+            lines += ["Why the step stopped the motors (word `stop_reason`; PLAUSIBILITY has these bits 8 higher):", ""]
+            reasons = sorted(system.stop_reasons, key=lambda reason: reason.bit)
+            lines += _table(("bit", "reason", "meaning"), [(str(one.bit), one.name, one.doc) for one in reasons])
         lines += ["Record:", ""]
         lines += _table(
             ("signal", "name", "type", "unit", "format", "frame", "meaning"),

@@ -159,7 +159,7 @@ def test_ready_a_moment_later_is_armed_by_the_same_command(analog: Bench) -> Non
     assert 0.3 < analog.session.clock() - begin_s < 1.0
     analog.run(capture, 0.1)
     assert analog.driving()
-    assert plausibility_text(analog.session.telemetry["PLAUSIBILITY"]) == []
+    assert plausibility_text(analog.session.telemetry["PLAUSIBILITY"], "balancer") == []
 
 
 @pytest.mark.slow

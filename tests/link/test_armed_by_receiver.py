@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from plumb.errors import LinkError
-from plumb.link.identity import IMPLAUSIBLE, NackError
+from plumb.link.identity import NackError
 from plumb.link.parameter_table import commit, read_table
 from plumb.spec import crsf
 from plumb.spec.parameter_file import by_name
@@ -270,7 +270,6 @@ def test_a_receiver_lost_on_the_ground_disarms_and_is_named(field: Field) -> Non
     field.arms()
     field.pilot(b"", 0.3)
     assert not field.board.armed and "the receiver was lost" in field.why_disarmed
-    assert any("receiver" in text for bit, text in IMPLAUSIBLE.items() if bit >= 8)
     field.pilot(ON, 1.0)
     assert not field.board.armed, "its switch has to be off first"
 

@@ -13,7 +13,12 @@ from plumb.spec.system import System
 
 ERROR = '{ name = "error_counts_q16", type'
 """The second entry of the record."""
+REASONED = 'record = [ { name = "stop_reason", type = "uint32", unit = "", format = "bits", doc = "why" },'
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy" / "system.toml"
+
+
+def fallen(bit: int) -> str:
+    return f'{{ bit = {bit}, name = "fallen", doc = "it fell" }}'
 
 
 def load(folder: Path, text: str) -> System:
@@ -76,6 +81,9 @@ def test_the_toy_is_accepted_as_it_is(tmp_path: Path) -> None:
         ('unit = "count", doc = "what', 'unit = "cuont", doc = "what', "channel level: unit 'cuont' has 'cuont'"),
         ('unit = "step", format', 'unit = "step/sec", format', "unit 'step/sec' has 'sec'"),
         ('unit = "s"\nformat = "Q32"', 'unit = "second"\nformat = "Q32"', "parameter toy.dt_s_q32: unit 'second'"),
+        ("record = [", f"stop_reasons = [{fallen(5)}]\nrecord = [", "stop_reasons: the record has no word stop_reason"),
+        ("record = [", f"stop_reasons = [{fallen(8)}]\n{REASONED}", "stop reason fallen: bit is 0 to 7, not 8"),
+        ("record = [", f"stop_reasons = [{fallen(3)}, {fallen(3)}]\n{REASONED}", "bit 3 is that of fallen"),
         ('doc = "what is', 'calibration = "gyro", doc = "what is', "calibration = 'gyro': it is one of the groups"),
         ('doc = "what is', 'calibration = "toy", doc = "what is', "a calibration has the rows raw_min"),
         ("min = 1\nmax = 429496729", 'was = "old"\nmin = 1\nmax = 429496729', "was is a list of former names"),

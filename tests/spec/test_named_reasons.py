@@ -10,8 +10,17 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.boards.link import LinkBoard
-from plumb.link.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, bits_text
+from plumb.link.identity import (
+    BLOCKED,
+    BLOCKING_FAULTS,
+    FAULTS,
+    bits_text,
+    disarmed_text,
+    implausible,
+    plausibility_text,
+)
 from plumb.link.session import Session
+from plumb.spec import declarations
 from plumb.spec.protocol import load_database
 from support.native_board import NativeBoard
 
@@ -45,6 +54,34 @@ def test_names_are_sentences_of_their_own() -> None:
     for names in (BLOCKED, FAULTS):
         assert len(set(names.values())) == len(names)
     assert bits_text(1 << 4 | 1 << 5, FAULTS).count(";") == 1
+
+
+STOPPED = [name for name, declared in declarations.systems().items() if declared.stop_reasons]
+
+
+@pytest.mark.parametrize("system", STOPPED)
+def test_every_bit_of_a_stop_reason_in_c_has_a_text(system: str) -> None:
+    header = (FIRMWARE / f"include/plumb/{system}.h").read_text(encoding="utf-8")
+    section = header.partition("/* Word `stop_reason`")[2].partition("\n\n")[0]
+    values = {int(value) for value in re.findall(r"\b(\d+)U\b", section)}
+    assert values == {1 << reason.bit for reason in declarations.system(system).stop_reasons}
+
+
+@pytest.mark.parametrize("system", STOPPED)
+def test_a_stop_reason_has_the_text_of_the_system_that_runs_alone(system: str) -> None:
+    said = {"disarmed_by": 0xFF00, "failed": 0xFF00}
+    own = [reason.doc for reason in declarations.system(system).stop_reasons]
+    assert plausibility_text(said, system) == own
+    told = disarmed_text(1 << 15, said, system)
+    assert [text for text in own if text not in told] == []
+    for other in set(STOPPED) - {system}:
+        foreign = [reason.doc for reason in declarations.system(other).stop_reasons]
+        assert [text for text in foreign if text in told] == [] and other not in told
+
+
+def test_of_an_unknown_system_a_stop_reason_names_the_systems_that_have_it() -> None:
+    texts = implausible(None)
+    assert "quadrotor: " in texts[13] and "wheels: " in texts[13] and "wheels" not in texts[8]
 
 
 @pytest.fixture

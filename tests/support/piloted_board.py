@@ -81,7 +81,8 @@ class Field:
 
     @property
     def why_disarmed(self) -> str:
-        return disarmed_text(self.session.telemetry["EVENTS"]["disarm_cause"], self.session.telemetry["PLAUSIBILITY"])
+        said = self.session.telemetry
+        return disarmed_text(said["EVENTS"]["disarm_cause"], said["PLAUSIBILITY"], self.session.parameters.uploaded)
 
 
 def turns(pulses: list[int]) -> bool:

@@ -86,4 +86,5 @@ class Ridden:
     @property
     def why_disarmed(self) -> str:
         self._listen()
-        return disarmed_text(self.session.telemetry["EVENTS"]["disarm_cause"], self.session.telemetry["PLAUSIBILITY"])
+        said = self.session.telemetry
+        return disarmed_text(said["EVENTS"]["disarm_cause"], said["PLAUSIBILITY"], self.session.parameters.uploaded)

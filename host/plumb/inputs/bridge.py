@@ -331,8 +331,8 @@ class _Run:
         if self._disarmed and "EVENTS" in session.telemetry:
             self._disarmed = False
             cause = session.telemetry["EVENTS"]["disarm_cause"]
-            unread = session.listening.unread_text
-            why = disarmed_text(cause, session.telemetry.get("PLAUSIBILITY", {}), unread)
+            unread, system = session.listening.unread_text, session.parameters.uploaded
+            why = disarmed_text(cause, session.telemetry.get("PLAUSIBILITY", {}), system, unread)
             bridge.say(f"the board disarmed: {why}; it stays so until this is started again")
 
     def _match(self, counts: tuple[int, ...], now_s: float) -> None:

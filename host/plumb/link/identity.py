@@ -71,26 +71,32 @@ def sensors_text(said: dict[str, int]) -> list[str]:
     return found
 
 
-IMPLAUSIBLE = {bit: one.text for bit, one in status_bits.IMPLAUSIBLE.items()}
 NOT_READY = {bit: one.text for bit, one in status_bits.NOT_READY.items()}
 
 
-def plausibility_text(said: dict[str, int]) -> list[str]:
-    """A sentence for every check that fails and every condition for arming that is missing, from PLAUSIBILITY."""
+def implausible(system: str | None) -> dict[int, str]:
+    """Bit of PLAUSIBILITY.failed and disarmed_by -> its text on a board that runs this system; None: not known."""
+    checks = {bit: one.text for bit, one in status_bits.IMPLAUSIBLE.items()}
+    return checks | status_bits.stop_reason_texts(system)
+
+
+def plausibility_text(said: dict[str, int], system: str | None) -> list[str]:
+    """A sentence for every check that fails and every condition for arming that is missing, from PLAUSIBILITY.
+    system: that the board runs, None where it is not known."""
     failed, missing = said.get("failed", 0), said.get("missing", 0)
     # SETTLING is only reported when no other condition is missing.
     missing &= ~1 if missing & ~1 else ~0
-    found = [text for bit, text in IMPLAUSIBLE.items() if failed >> bit & 1]
+    found = [text for bit, text in implausible(system).items() if failed >> bit & 1]
     return found + [text for bit, text in NOT_READY.items() if missing >> bit & 1]
 
 
 KEEPALIVE_LOST = 1 << 5
 
 
-def disarmed_text(cause: int, said: dict[str, int], unread: str = "") -> str:
-    """Why the board disarmed, from EVENTS.disarm_cause and the last PLAUSIBILITY. unread: what follows a keep-alive
-    that was lost."""
-    checks = bits_text(said.get("disarmed_by", 0), IMPLAUSIBLE)
+def disarmed_text(cause: int, said: dict[str, int], system: str | None, unread: str = "") -> str:
+    """Why the board disarmed, from EVENTS.disarm_cause and the last PLAUSIBILITY. system: that it runs, None where it
+    is not known. unread: what follows a keep-alive that was lost."""
+    checks = bits_text(said.get("disarmed_by", 0), implausible(system))
     text = bits_text(cause, BLOCKED) + (unread if cause & KEEPALIVE_LOST else "")
     return f"{text}: {checks}" if cause & (1 << 11 | 1 << 15) and checks != "none" else text
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from plumb.errors import LinkError
 from plumb.link.board_frames import PERIODIC
-from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, NOT_READY, bits_text, plausibility_text, sensors_text
+from plumb.link.identity import BLOCKED, FAULTS, NOT_READY, bits_text, implausible, plausibility_text, sensors_text
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
 from plumb.link.selection import RAW_FRAMES, raw_frames_of, selectable
 from plumb.link.session import Session
@@ -197,13 +197,13 @@ class Monitor:
             raw |= self._fresh(name) or {}
         counted = self.session.counters
         mode = status.get("mode")
-        values = self._values()
+        values, system = self._values(), self.session.parameters.uploaded
         return {
             "time_s": self._time_us * 1e-6,
             "mode": None if mode is None else self.session.protocol["STATUS"].choice("mode", mode),
             "live": _flag(status, "live"),
             "armed": _flag(status, "armed"),
-            "blocked": blocked_texts(self.session, status.get("blocked", 0)) + plausibility_text(plausibility),
+            "blocked": blocked_texts(self.session, status.get("blocked", 0)) + plausibility_text(plausibility, system),
             "faults": _texts(status.get("faults", 0), FAULTS) + sensors_text(sensors),
             "staged": _flag(status, "staged"),
             "read_only": _flag(status, "read_only"),
@@ -217,7 +217,7 @@ class Monitor:
             "saturated_steps": events.get("saturated"),
             "starved_steps": events.get("starved"),
             "disarm_cause": _texts(events.get("disarm_cause", 0), BLOCKED)
-            + _texts(plausibility.get("disarmed_by", 0), IMPLAUSIBLE),
+            + _texts(plausibility.get("disarmed_by", 0), implausible(system)),
             "bus_failures": sensors.get("bus_failures"),
             "battery_v": battery["voltage_mv"] / 1000 if "voltage_mv" in battery else None,
             "battery_a": battery["current_10ma"] / 100 if "current_10ma" in battery else None,

@@ -176,7 +176,7 @@ class Session(BoardFrames):
                 if not waiting or waited.over(SENSORS_START_S if faulty else ready_wait_s):
                     why = sensors_text(self.telemetry.get("SENSORS", {})) if faulty else []
                     if error.detail & (PASSING & ~BLOCKED_BY_FAULT):
-                        why += plausibility_text(self.telemetry.get("PLAUSIBILITY", {}))
+                        why += plausibility_text(self.telemetry.get("PLAUSIBILITY", {}), self.parameters.uploaded)
                     error.args = ("; ".join([str(error), *why]),)
                     raise
                 end_s = self.clock() + ARM_AGAIN_S

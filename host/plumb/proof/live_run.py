@@ -107,7 +107,8 @@ def why_disarmed(session: Session) -> str:
         session.receive(REPLY_TIMEOUT_S / 5)
     said = session.telemetry
     cause = said.get("EVENTS", {}).get("disarm_cause", 0)
-    return disarmed_text(cause, said.get("PLAUSIBILITY", {}), session.listening.unread_text)
+    system = session.parameters.uploaded
+    return disarmed_text(cause, said.get("PLAUSIBILITY", {}), system, session.listening.unread_text)
 
 
 def conversions_of(taken: Sequence[Conversion], begun_s: float, raw: RawCounts) -> list[Conversion]:

@@ -22,6 +22,8 @@ from plumb.spec.system import (
     RECEIVER,
     SENSORS,
     STICKS,
+    STOP_REASON,
+    STOP_REASONS_MAX,
     TYPES,
     WORDS_MAX,
     Command,
@@ -128,6 +130,9 @@ def _check_names(system: System) -> None:
     for flag in system.flags:
         _check_text("a flag", flag.name, _UPPER)
         _check_text(f"flag {flag.name}: doc", flag.doc)
+    for reason in system.stop_reasons:
+        _check_text("a stop reason", reason.name, _LOWER)
+        _check_text(f"stop reason {reason.name}: doc", reason.doc)
     for frame in system.frames:
         _check_text("a frame", frame.name, _UPPER)
         _check_text(f"frame {frame.name}: doc", frame.doc)
@@ -138,6 +143,19 @@ def _check_names(system: System) -> None:
                     raise UsageError(f"frame {frame.name}: shift is 0 to 31, not {part.shift!r:.40}")
         if frame.half is not None and frame.half.name == frame.word.name:
             raise UsageError(f"frame {frame.name}: both parts are named {frame.word.name}")
+
+
+def _check_stop_reasons(system: System) -> None:
+    """Raises UsageError for reasons without the word that has them, and for a bit that is none or another reason's."""
+    if system.stop_reasons and all(word.name != STOP_REASON for word in system.words):
+        raise UsageError(f"stop_reasons: the record has no word {STOP_REASON}")
+    taken: dict[int, str] = {}
+    for reason in system.stop_reasons:
+        if type(reason.bit) is not int or not 0 <= reason.bit < STOP_REASONS_MAX:
+            raise UsageError(f"stop reason {reason.name}: bit is 0 to {STOP_REASONS_MAX - 1}, not {reason.bit!r:.40}")
+        if reason.bit in taken:
+            raise UsageError(f"stop reason {reason.name}: bit {reason.bit} is that of {taken[reason.bit]}")
+        taken[reason.bit] = reason.name
 
 
 def _check_arming(system: System, row: TomlTable) -> None:
@@ -261,6 +279,7 @@ def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTa
         _check_sticks(system)
     if len(system.frames) > FRAMES_MAX:
         raise UsageError(f"a system has at most {FRAMES_MAX} frames, not {len(system.frames)}")
+    _check_stop_reasons(system)
     if len(system.flags) > 32:
         raise UsageError(f"a step has at most 32 flags, not {len(system.flags)}")
     if system.record_bytes > 4 * WORDS_MAX:

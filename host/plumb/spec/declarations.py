@@ -26,6 +26,7 @@ from plumb.spec.system import (
     Frame,
     Member,
     Part,
+    StopReason,
     System,
     TomlTable,
     Word,
@@ -210,6 +211,7 @@ def _system(folder: Path, table: TomlTable, above: tuple[str, ...]) -> System:
         command_source=table.get("command_source", "link"),
         stands_on=tuple(base.name for base in bases),
         base_groups=tuple(dict.fromkeys(group for base in bases for group in base.all_groups)),
+        stop_reasons=tuple(StopReason(**reason) for reason in table.get("stop_reasons", ())),
     )
     check(declared, shared()["parameter"], [row for base in bases for row in base.parameters])
     check_images(declared, tuple(image_limits()))

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
+
+from plumb.spec import declarations
+from plumb.spec.system import StopReason
 
 
 class Bit(NamedTuple):
@@ -73,28 +77,10 @@ IMPLAUSIBLE = {
         "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign, and on wheels "
         "what counts them",
     ),
-    8: Bit("no_samples", "the step stopped the rotors: no samples came"),
-    9: Bit("on_its_back", "the step stopped the rotors: it lay on its back at rest"),
-    10: Bit("idle", "the step stopped the rotors: it stood on the ground with the throttle low"),
-    11: Bit("receiver", "the step stopped the rotors: the receiver was lost"),
-    12: Bit("vertical", "the step stopped the rotors: on the ground it did not know the vertical yet"),
-    13: Bit(
-        "fallen",
-        "the step stopped the motors: it fell; set it up, and begin a new run. Of a quadrotor: it turned against what "
-        "was asked at the take-off; check the order of the rotors and the signs of the gyro",
-    ),
-    14: Bit(
-        "rider",
-        "the step stopped the motors: nobody rides; close the rider's switch. Of a quadrotor: it was upside down in "
-        "mode level",
-    ),
-    15: Bit(
-        "lying",
-        "the step stopped the motors: a sensor lies, or the wheels turn in the air; check encoders and accelerometer, "
-        "and begin a new run",
-    ),
 }
-"""PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h; from bit 8 on the word stop_reason of a vehicle."""
+"""PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h. From STOP_REASON_SHIFT on they have the word `stop_reason`
+of a step, whose bits its system declares (`stop_reason_texts`)."""
+STOP_REASON_SHIFT = 8
 NOT_READY = {
     0: Bit("settling", "it has not been ready for 0.3 s yet"),
     1: Bit("at_rest", "it moves: hold it still"),
@@ -122,3 +108,34 @@ SENSOR_STATES = {
     7: Bit("AT_LIMIT", "is at its limit"),
 }
 """SENSORS.digital: values of the low byte, the gyro, and of the high byte, the accelerometer."""
+
+
+def _stop_reasons() -> Iterator[tuple[int, str, StopReason]]:
+    """Bit of PLAUSIBILITY.failed, name of the system and reason, of every system; in the order of the bits."""
+    found = [
+        (STOP_REASON_SHIFT + reason.bit, name, reason)
+        for name, declared in declarations.systems().items()
+        for reason in declared.stop_reasons
+    ]
+    return iter(sorted(found, key=lambda one: one[0]))
+
+
+def stop_reason_texts(system: str | None) -> dict[int, str]:
+    """Bit of PLAUSIBILITY.failed -> why the step of this system stopped the motors. None: the system is not known, and
+    a text names the systems that have it."""
+    found: dict[int, str] = {}
+    for bit, name, reason in _stop_reasons():
+        if system is None:
+            found[bit] = f"{found[bit]}, or {name}: {reason.doc}" if bit in found else f"{name}: {reason.doc}"
+        elif name == system:
+            found[bit] = reason.doc
+    return found
+
+
+def stop_reason_signals() -> dict[int, Bit]:
+    """The same bits for the DBC, which no system has to itself: a signal has the names of all systems."""
+    names: dict[int, list[str]] = {}
+    for bit, _name, reason in _stop_reasons():
+        names.setdefault(bit, []).append(reason.name)
+    texts = stop_reason_texts(None)
+    return {bit: Bit("_or_".join(dict.fromkeys(of)), texts[bit]) for bit, of in names.items()}

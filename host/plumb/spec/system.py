@@ -50,6 +50,9 @@ SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE", "SIX_AXES", "RIDE")
 """Sensor sets that a board can sample (CONTROL_SENSORS_ in firmware/systems/control.h)."""
 OUTPUTS = {"PULSES": 2, "BRIDGE": 1, "ROTORS": 4, "WHEELS": 2}
 """Kind of actuator (CONTROL_OUTPUT_) -> number of record words that drive it."""
+STOP_REASON = "stop_reason"
+STOP_REASONS_MAX = 8
+"""Word of a record that says why the step has stopped the motors, and the most bits that it may have."""
 WITH_BATTERY = ("ROTORS", "WHEELS")
 """Kinds whose pin set reads the battery."""
 
@@ -87,6 +90,19 @@ class Flag:
 
     name: str
     saturated: bool
+    doc: str
+
+
+@dataclass(frozen=True)
+class StopReason:
+    """One bit of the word `stop_reason`: why the step itself has stopped the motors.
+
+    bit: 0 to 7; in PLAUSIBILITY.failed and disarmed_by it is 8 higher. doc: what stopped them, and what
+    to do.
+    """
+
+    bit: int
+    name: str
     doc: str
 
 
@@ -165,6 +181,7 @@ class System:
     cycles: cycle budget of a step, cycles_mean of the mean step where work is spread over steps; None without a budget.
     missing_samples: `held` (the last sample is used again) or
     `marked` (every count is -32768). output: "" without an actuator, else a key of OUTPUTS; output_words drive it.
+    stop_reasons: bits of the word `stop_reason`, () without that word.
     period: the parameter that holds the period of a step in s.
     groups: shared parameter groups that the step reads; parameters: rows of the system's own groups.
     stands_on: systems whose step this one calls; base_groups: the groups that those read. all_groups: all of these.
@@ -211,6 +228,7 @@ class System:
     command_source: str = "link"
     stands_on: tuple[str, ...] = ()
     base_groups: tuple[str, ...] = ()
+    stop_reasons: tuple[StopReason, ...] = ()
 
     @property
     def shipped(self) -> bool:

@@ -43,15 +43,16 @@ def _link_fields() -> dict[tuple[str, str], list[Field]]:
         Field(f"{chip}_state", first, 8, "good, or why it is not", states)
         for chip, first in (("gyro", 0), ("accelerometer", 8))
     ]
+    implausible = status_bits.IMPLAUSIBLE | status_bits.stop_reason_signals()
     return {
         ("STATUS", "blocked"): _flags("blocked", status_bits.BLOCKED),
         ("STATUS", "faults"): _flags("fault", status_bits.FAULTS),
         ("EVENTS", "disarm_cause"): _flags("disarmed", status_bits.BLOCKED),
         ("SENSORS", "analog"): rails + stuck,
         ("SENSORS", "digital"): chips,
-        ("PLAUSIBILITY", "failed"): _flags("failed", status_bits.IMPLAUSIBLE),
+        ("PLAUSIBILITY", "failed"): _flags("failed", implausible),
         ("PLAUSIBILITY", "missing"): _flags("missing", status_bits.NOT_READY),
-        ("PLAUSIBILITY", "disarmed_by"): _flags("disarmed_by", status_bits.IMPLAUSIBLE),
+        ("PLAUSIBILITY", "disarmed_by"): _flags("disarmed_by", implausible),
     }
 
 

@@ -11,10 +11,10 @@ from plumb.link.session import Session
 
 def in_the_way(session: Session) -> str:
     """What the board misses before it may be armed; "" for nothing."""
-    return "; ".join(plausibility_text(session.telemetry.get("PLAUSIBILITY", {})))
+    return "; ".join(plausibility_text(session.telemetry.get("PLAUSIBILITY", {}), session.parameters.uploaded))
 
 
 def why_disarmed(session: Session) -> str:
     """What ended the last armed time."""
-    said = session.telemetry
-    return disarmed_text(said.get("EVENTS", {}).get("disarm_cause", 0), said.get("PLAUSIBILITY", {}))
+    said, system = session.telemetry, session.parameters.uploaded
+    return disarmed_text(said.get("EVENTS", {}).get("disarm_cause", 0), said.get("PLAUSIBILITY", {}), system)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, RESET_CAUSES, bits_text, plausibility_text, sensors_text
+from plumb.link.identity import BLOCKED, FAULTS, RESET_CAUSES, bits_text, implausible, plausibility_text, sensors_text
 from plumb.spec.protocol import protocol
 
 if TYPE_CHECKING:
@@ -16,12 +16,11 @@ if TYPE_CHECKING:
 MEANINGS: Mapping[str, dict[int, str]] = {
     "disarm_cause": BLOCKED,
     "blocked": BLOCKED,
-    "disarmed_by": IMPLAUSIBLE,
     "faults": FAULTS,
     "FAULTS": FAULTS,
     "RESET_CAUSE": RESET_CAUSES,
 }
-"""Signal, or item of IDENTITY -> meaning of its bits."""
+"""Signal, or item of IDENTITY -> meaning of its bits, which is that of every system."""
 COUNTED = frozenset(
     {
         ("COUNTERS", "rejected"), ("COUNTERS", "lost"), ("COUNTERS", "dropped"), ("EVENTS", "starved"),
@@ -56,18 +55,22 @@ class Told:
             return bool(value & self.mask)
         return value != before if (self.frame, self.signal) in COUNTED else bool(value)
 
-    def text(self, value: int) -> str:
-        return report_text(self.frame, self.signal, value, self.choice) + (", and good again" if self.passes else "")
+    def text(self, value: int, system: str) -> str:
+        """The report of a board that runs this system, as text."""
+        said = report_text(self.frame, self.signal, value, system, self.choice)
+        return said + (", and good again" if self.passes else "")
 
 
-def report_text(frame: str, signal: str, value: int, choice: str = "") -> str:
+def report_text(frame: str, signal: str, value: int, system: str, choice: str = "") -> str:
     """The report as text: frame, signal and meaning."""
     if choice:
         meaning = choice
     elif frame == "SENSORS" and signal != "bus_failures":
         meaning = "; ".join(sensors_text({signal: value}))
     elif signal == "missing":
-        meaning = "; ".join(plausibility_text({signal: value}))
+        meaning = "; ".join(plausibility_text({signal: value}, system))
+    elif signal == "disarmed_by":
+        meaning = bits_text(value, implausible(system))
     elif signal in MEANINGS:
         meaning = bits_text(value, dict(MEANINGS[signal]))
     else:

@@ -253,25 +253,25 @@ class Runner:
             found = [(choice, said) for choice in choices if (said := reports.first(choice)) is not None]
             if found:
                 choice, (time_s, value) = found[0]
-                text = choice.text(value)
+                text = choice.text(value, self.system)
                 reported += [] if text in reported else [text]
                 times_ms.append(round((time_s - reports.begun_s) * 1e3, 1))
             else:
-                missing.append(" or ".join(_wanted(choice) for choice in choices))
+                missing.append(" or ".join(_wanted(choice, self.system) for choice in choices))
         cause = Told("EVENTS", "disarm_cause")
         said = reports.first(cause)
         if said is not None and not any(text.startswith("EVENTS.disarm_cause") for text in reported):
-            reported.append(cause.text(said[1]))
+            reported.append(cause.text(said[1], self.system))
         disarmed_s = reports.disarmed_s()
         if disarmed_s is not None and was_armed and not fault.holds:
             times_ms.append(round((disarmed_s - reports.begun_s) * 1e3, 1))
         return Measured(safe_ms, min(times_ms, default=None), reported, missing, why)
 
 
-def _wanted(told: Told) -> str:
+def _wanted(told: Told, system: str) -> str:
     if told.value is not None:
         return f"{told.frame}.{told.signal}: {told.value}"
-    text = report_text(told.frame, told.signal, told.mask, told.choice or ("" if told.mask else "counted"))
+    text = report_text(told.frame, told.signal, told.mask, system, told.choice or ("" if told.mask else "counted"))
     return f"{text}, and good again" if told.passes else text
 
 
