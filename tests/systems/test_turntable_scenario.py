@@ -149,7 +149,7 @@ def test_the_printed_data_layer_is_no_better_than_the_compensated_gyro(rows: Row
     """Integrating the corrected rate forgets what the correction says about the angle."""
     printed = rows["motion", "printed", "as printed, known lag undone, mean"]
     undone = rows["motion", "-", "gyro alone, its known lag undone, mean"]
-    assert printed.reached < undone.reached + 1.0
+    assert printed.reached > undone.reached - 1.0
 
 
 def test_a_wrong_belief_about_the_scale_is_worse_than_no_fusion_and_loose_angular_survives_it() -> None:
@@ -160,9 +160,9 @@ def test_a_wrong_belief_about_the_scale_is_worse_than_no_fusion_and_loose_angula
         if row.claim.endswith("mean")
     }
     wrong = "motion, angular_scale=0.03"
-    assert found[wrong, "data"] < -20.0, "below the gyro alone"
-    assert found[wrong, "loose_angular"] > found[wrong, "-"] - 5.0 and found[wrong, "loose_angular"] > 0.0
-    assert found["motion, gyro_scale=0.03", "data"] > found["motion, gyro_scale=0.03", "-"] + 20.0
+    assert found[wrong, "data"] > 120.0, "worse than the gyro alone"
+    assert found[wrong, "loose_angular"] < min(found[wrong, "-"] + 5.0, 100.0)
+    assert found["motion, gyro_scale=0.03", "data"] < found["motion, gyro_scale=0.03", "-"] - 20.0
 
 
 def test_rectangles_of_angular_acceleration_run_half_a_step_ahead() -> None:
@@ -190,7 +190,7 @@ def test_the_headline_of_many_seeds_is_over_each_of_them_once(monkeypatch: pytes
     first, _, least, *_ = turntable_figures.many_rows([1000, 1001, 1002])
     assert first.claim == "data layer, seeds 1000-1002, mean" and least.claim.endswith("of 2 blocks of 2, mean")
     batch = turntable_figures.Batch.of("motion", range(1000, 1003))
-    assert first.reached == pytest.approx(batch.integers("data").below(batch.gyro)[0], rel=1e-12)
+    assert first.reached == pytest.approx(batch.integers("data").share_of(batch.gyro)[0], rel=1e-12)
 
 
 def test_the_headline_is_over_ten_times_the_seeds_in_blocks() -> None:
@@ -199,5 +199,5 @@ def test_the_headline_is_over_ten_times_the_seeds_in_blocks() -> None:
     least, most = many[2], many[3]
     assert least.reached < first.reached < most.reached and least.sense == most.sense == "beside"
     whole = turntable_figures.Batch.of("motion", range(1000, 1010))
-    assert first.reached == pytest.approx(whole.integers("data").below(whole.gyro)[0], rel=1e-12)
+    assert first.reached == pytest.approx(whole.integers("data").share_of(whole.gyro)[0], rel=1e-12)
     assert turntable_figures.HEADLINE[0] == "data layer, seeds 1000-1399, mean", "of the 40 seeds of the other rows"

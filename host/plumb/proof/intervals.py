@@ -27,12 +27,12 @@ def of_mean(values: FloatArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def below(found: FloatArray, mark: FloatArray) -> tuple[float, float]:
-    """The interval of 100 % (1 - mean(found) / mean(mark)), both (runs,) of the same runs, which are drawn in pairs."""
+def share(found: FloatArray, mark: FloatArray) -> tuple[float, float]:
+    """The interval of 100 % mean(found) / mean(mark), both (runs,) of the same runs, which are drawn in pairs."""
     rng = np.random.default_rng(len(found))
     shares = np.empty(RESAMPLES)
     for at in range(RESAMPLES):
         drawn = rng.integers(0, len(found), len(found))
-        shares[at] = 100.0 * (1.0 - found[drawn].mean() / mark[drawn].mean())
+        shares[at] = 100.0 * found[drawn].mean() / mark[drawn].mean()
     low, high = np.percentile(shares, [LOW, HIGH])
     return float(low), float(high)
