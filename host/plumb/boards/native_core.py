@@ -20,7 +20,7 @@ from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
 from plumb.spec.records import PLAUSIBILITY, RECORDS, VALIDITY, Words, block_dtype, names_of
-from plumb.systems.run_fixed import check_inputs, parts_of, system_name
+from plumb.systems.run_fixed import check_inputs, parts_of
 from plumb.systems.tasks import Task
 from plumb.tuning.quantise import Changes, ControlParams
 
@@ -273,6 +273,14 @@ class Controllers:
             len(self._record), _pointer(self._record),
         )  # fmt: skip
         return Words(self._record)
+
+
+def system_name(params: ControlParams | Sequence[ControlParams]) -> str:
+    """The system of all parameter sets; raises UsageError if they belong to different ones."""
+    names = {one.system for one in ([params] if isinstance(params, ControlParams) else params)}
+    if len(names) != 1:
+        raise UsageError(f"runs of {' and '.join(sorted(names)) or 'no system'} cannot be batched: give one system's")
+    return names.pop()
 
 
 def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:

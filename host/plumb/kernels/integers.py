@@ -1,60 +1,100 @@
-"""Two's complement arithmetic on Python ints and on int64 arrays alike: one algorithm serves one run or thousands.
+"""Integer arithmetic of the core on Python ints, with the names of firmware/core/fixed.h.
 
-An int is exact and unbounded, an array wraps at 64 bits; the functions here give the same results for both.
+An int has no limit, so what two's complement does to a sum is written out. A function with a range checks it: beyond it
+the C would be undefined, or compute something else.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
+Integer = Any
 
-Integer = Any  # Any: the operators of the two kinds have no common type
-"""An int, or an int64 array with one value per run."""
+INT32_MIN, INT32_MAX, UINT32_MAX = -(1 << 31), (1 << 31) - 1, (1 << 32) - 1
+INT64_MIN, INT64_MAX = -(1 << 63), (1 << 63) - 1
 
 
-def wrap_i32(x: Integer) -> Integer:
+def wrap_i16(x: int) -> int:
+    """x modulo 2^16, as two's complement."""
+    return ((x + 0x8000) & 0xFFFF) - 0x8000
+
+
+def wrap_i32(x: int) -> int:
     """x modulo 2^32, as two's complement."""
     return ((x + 0x80000000) & 0xFFFFFFFF) - 0x80000000
 
 
-def wrap_u32(x: Integer) -> Integer:
+def wrap_u32(x: int) -> int:
+    """x modulo 2^32."""
     return x & 0xFFFFFFFF
 
 
-def wrap_i64(x: Integer) -> Integer:
-    """x modulo 2^64, as two's complement; an array has wrapped already."""
-    if isinstance(x, int):
-        return ((x + 0x8000000000000000) & 0xFFFFFFFFFFFFFFFF) - 0x8000000000000000
-    return x
+def wrap_i64(x: int) -> int:
+    """x modulo 2^64, as two's complement."""
+    return ((x + 0x8000000000000000) & 0xFFFFFFFFFFFFFFFF) - 0x8000000000000000
 
 
-def clamp(x: Integer, low: Integer, high: Integer) -> Integer:
-    """min(max(x, low), high)."""
-    if isinstance(x, int) and isinstance(low, int):
-        return min(max(x, low), high)
-    return np.minimum(np.maximum(x, low), high)
+def clamp(x: int, low: int, high: int) -> int:
+    """min(max(x, low), high): `high` where the bounds have changed places."""
+    if x < low:
+        x = low
+    return high if x > high else x
 
 
-def select(condition: Integer, yes: Integer, no: Integer) -> Integer:
-    """yes where the condition holds, else no."""
-    if isinstance(condition, bool):
-        return yes if condition else no
-    return np.where(condition, yes, no)
+def sat_i32(x: int) -> int:
+    """x saturated to 32 bits."""
+    return clamp(x, INT32_MIN, INT32_MAX)
 
 
-def clz32(x: Integer) -> Integer:
+def clz32(x: int) -> int:
     """Leading zero bits of 0 < x < 2^32."""
-    if isinstance(x, int):
-        return 32 - x.bit_length()
-    return 32 - np.frexp(x.astype(np.float64))[1].astype(np.int64)
+    assert 0 < x <= UINT32_MAX, x
+    return 32 - x.bit_length()
 
 
-def mulhi_u32(a: Integer, b: Integer) -> Integer:
-    """(a * b) >> 32 of two unsigned 32-bit values, with intermediate results that fit int64."""
-    return (a * (b >> 16) + ((a * (b & 0xFFFF)) >> 16)) >> 16
-
-
-def mul(a: Integer, b: Integer) -> Integer:
-    """Floor of a * b / 2^32, of two signed 32-bit values."""
+def mulhi_u32(a: int, b: int) -> int:
+    """(a * b) >> 32 of two unsigned 32-bit values."""
+    assert 0 <= a <= UINT32_MAX and 0 <= b <= UINT32_MAX, (a, b)
     return (a * b) >> 32
+
+
+def mulhi_i32(a: int, b: int) -> int:
+    """floor(a * b / 2^32) of two signed 32-bit values."""
+    assert -0x80000000 <= a <= 0x7FFFFFFF and -0x80000000 <= b <= 0x7FFFFFFF, (a, b)
+    return (a * b) >> 32
+
+
+def mulhi_near(a: int, b: int) -> int:
+    """a * b / 2^32 of two signed 32-bit values, rounded to nearest, halves up."""
+    assert -0x80000000 <= a <= 0x7FFFFFFF and -0x80000000 <= b <= 0x7FFFFFFF, (a, b)
+    return (a * b + 0x80000000) >> 32
+
+
+def mul_shift(a: int, b: int, n: int) -> int:
+    """floor(a * b / 2^n) of a signed 64-bit a and a signed 32-bit b; the result fits 64 bits."""
+    assert INT64_MIN <= a <= INT64_MAX and INT32_MIN <= b <= INT32_MAX, (a, b)
+    product = (a * b) >> n
+    assert INT64_MIN <= product <= INT64_MAX, (a, b, n)
+    return product
+
+
+def add_scaled(x: int, a: int, b: int, n: int) -> int:
+    """x + a * b / 2^n of signed 32-bit values, rounded to nearest, halves up, and saturated to 32 bits."""
+    assert INT32_MIN <= a <= INT32_MAX and INT32_MIN <= b <= INT32_MAX, (a, b)
+    return sat_i32(x + ((a * b + (1 << (n - 1))) >> n))
+
+
+def sat_shl_hi(x: int, n: int) -> int:
+    """Upper word of a signed 64-bit x times 2^n, saturated to 32 bits."""
+    assert INT64_MIN <= x <= INT64_MAX, x
+    limit = 0x80000000 >> n
+    hi = clamp(x >> 32, -limit, limit - 1)
+    return wrap_i32(((hi << 32) + wrap_u32(x)) >> (32 - n))
+
+
+def mul(a: int, b: int) -> int:
+    return (a * b) >> 32
+
+
+def select(condition: Any, yes: Any, no: Any) -> Any:
+    return yes if condition else no

@@ -16,7 +16,6 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.plausibility import Bounds
-from plumb.kernels.integers import Integer
 from plumb.physics.disturbance import Request
 from plumb.spec import dbc, declarations
 from plumb.spec.arrays import FloatArray
@@ -344,12 +343,12 @@ class BridgePins(Protocol):
 
 
 class FixedStep(Protocol):
-    """fixed.py: the step in integers. A value is an int (one run), or an int64 array (one value per run)."""
+    """fixed.py: the step in integers."""
 
     def control_init(self, p: Params, /) -> object:
         """The state before the first step."""
 
-    def control_step(self, c: object, p: Params, raw: Sequence[Integer], setpoint: Integer, /) -> tuple[Integer, ...]:
+    def control_step(self, c: object, p: Params, raw: Sequence[int], setpoint: int, /) -> tuple[int, ...]:
         """One step: updates the state c; returns the values of the record's words, in order. raw: six counts."""
 
 

@@ -2,7 +2,7 @@
 
 The model is written from docs/reference/arithmetic/kernels.md, not from the C. Each system's fixed.py has
 `control_init(p)` and `control_step(c, p, raw, setpoint)`, which returns the values of the record's words in order; the
-shared kernels are in `plumb.kernels`. The same code works on ints (one run) and on int64 arrays (one value per run).
+shared kernels are in `plumb.kernels`. It computes one run, in Python's ints; `plumb.boards.native_core` runs many.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from plumb.errors import UsageError
 from plumb.spec import dbc, declarations
-from plumb.spec.records import RECORDS, Words, names_of, packer
+from plumb.spec.records import Words, names_of, packer
 from plumb.systems import load
 from plumb.systems.contracts import FIXED, CheckedWords, RetunedStep
 from plumb.tuning.quantise import Changes, ControlParams
@@ -64,27 +64,16 @@ class Controller:
         return zlib.crc32(self.record())
 
 
-def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
-    """Run the integer model on many samples; returns the records.
+def run_control(params: ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
+    """Run the integer model on many samples of one run; returns the records.
 
-    params: one set, or one per run, all of one system. raw: (steps, inputs[, runs]), or the first inputs
-    (`check_inputs`); setpoint: (steps[, runs]). Raises UsageError for wrong shapes, types or ranges.
+    raw: (steps, inputs), or the first inputs (`check_inputs`); setpoint: (steps,). Raises UsageError for wrong shapes,
+    types or ranges.
     """
-    name = system_name(params)
-    counts, setpoints = check_inputs(name, raw, setpoint)
-    steps, inputs = counts.shape[:2]
-    system = load(name, FIXED)
-    if counts.ndim == 2 and isinstance(params, ControlParams):
-        return Controller(params).run(counts, setpoints)
-    runs = counts.shape[2] if counts.ndim == 3 else 1
-    columns = stack(params, runs)
-    c = system.control_init(columns)
-    record = np.zeros((steps, runs), RECORDS[name])
-    for step in range(steps):
-        row = system.control_step(c, columns, counts[step].reshape(inputs, runs), setpoints[step].reshape(runs))
-        for word, value in zip(names_of(name), row, strict=True):
-            record[word][step] = value
-    return Words(record if counts.ndim == 3 else record[:, 0])
+    counts, setpoints = check_inputs(params.system, raw, setpoint)
+    if counts.ndim == 3:
+        raise UsageError(f"raw counts of {counts.shape[2]} runs: give the integer model those of one run")
+    return Controller(params).run(counts, setpoints)
 
 
 def run_changed(params: ControlParams, changes: Changes, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
@@ -108,26 +97,10 @@ def parts_of(params: ControlParams, changes: Changes, steps: int) -> Iterator[tu
         yield slice(begin, end), now
 
 
-def system_name(params: ControlParams | Sequence[ControlParams]) -> str:
-    """The system of all parameter sets; raises UsageError if they belong to different ones."""
-    names = {one.system for one in ([params] if isinstance(params, ControlParams) else params)}
-    if len(names) != 1:
-        raise UsageError(f"runs of {' and '.join(sorted(names)) or 'no system'} cannot be batched: give one system's")
-    return names.pop()
-
-
 def params_valid(params: ControlParams) -> bool:
     """Whether the arithmetic is made for these words, those of single parameters out of range included."""
     system = load(params.system, FIXED)
     return system.control_valid(params.values) if isinstance(system, CheckedWords) else True
-
-
-def stack(params: ControlParams | Sequence[ControlParams], runs: int) -> dict[str, npt.NDArray[np.int64]]:
-    """Parameters by name, as arrays of one value per run."""
-    sets = [params] * runs if isinstance(params, ControlParams) else list(params)
-    if len(sets) != runs:
-        raise UsageError(f"{len(sets)} parameter sets were given for {runs} runs: give one, or one per run")
-    return {name: np.array([one[name] for one in sets], np.int64) for name in sets[0].values}
 
 
 def check_inputs(

@@ -1,7 +1,6 @@
 """The kernels that systems share, written from docs/reference/arithmetic/kernels.md alone.
 
-They work on ints (one run) and on int64 arrays (one value per run) with the same code. `p` is a mapping from the names
-of parameters.toml to ints, or to arrays where runs differ.
+`p` is a mapping from the names of parameters.toml to ints.
 """
 
 from __future__ import annotations
@@ -10,53 +9,67 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from plumb.kernels.fixed.trig import asin, atan2, reciprocal
-from plumb.kernels.integers import Integer, clamp, clz32, mulhi_u32, select, wrap_i32, wrap_i64, wrap_u32
+from plumb.kernels.integers import clamp, clz32, mulhi_i32, mulhi_u32, wrap_i32, wrap_i64, wrap_u32
 
-Params = Mapping[str, Integer]
+Params = Mapping[str, int]
 
 
 @dataclass(slots=True)
 class KalmanState:
-    tilt_turn_q61: Integer
-    bias_turn_q61: Integer
-    p00: Integer
-    p01: Integer
-    p11: Integer
-    p11_frac_q30: Integer = 0
-    innovation_turn_q32: Integer = 0
-    k0_q29: Integer = 0
-    k1_q29: Integer = 0
+    tilt_turn_q61: int
+    bias_turn_q61: int
+    p00: int
+    p01: int
+    p11: int
+    p11_frac_q30: int = 0
+    innovation_turn_q32: int = 0
+    k0_q29: int = 0
+    k1_q29: int = 0
+
+    def words(self) -> tuple[int, ...]:
+        return (
+            self.tilt_turn_q61, self.bias_turn_q61, self.p00, self.p01, self.p11, self.p11_frac_q30,
+            self.innovation_turn_q32, self.k0_q29, self.k1_q29,
+        )  # fmt: skip
 
 
 @dataclass(slots=True)
 class PidState:
-    integral_q54: Integer = 0
-    command_q22: Integer = 0
-    rate_filtered_turnps_q27: Integer = 0
-    excess_q22: Integer = 0
-    error_turn_q32: Integer = 0
+    integral_q54: int = 0
+    command_q22: int = 0
+    rate_filtered_turnps_q27: int = 0
+    excess_q22: int = 0
+    error_turn_q32: int = 0
+
+    def words(self) -> tuple[int, ...]:
+        return (
+            self.integral_q54, self.command_q22, self.rate_filtered_turnps_q27, self.excess_q22, self.error_turn_q32
+        )  # fmt: skip
 
 
-def calibrate(raw: Integer, p: Params, channel: str) -> tuple[Integer, Integer]:
-    """Calibrated value of the counts, and 1 where the counts were clamped, else 0."""
-    used = clamp(raw, p[f"{channel}.raw_min"], p[f"{channel}.raw_max"])
-    return wrap_i32(used * p[f"{channel}.gain"] + p[f"{channel}.offset"]), select(used != raw, 1, 0)
+def calibration_apply(p: Params, group: str, raw: int) -> tuple[int, bool]:
+    """Calibrated value of the counts, and whether the counts were clamped."""
+    used = clamp(raw, p[f"{group}.raw_min"], p[f"{group}.raw_max"])
+    return wrap_i32(used * p[f"{group}.gain"] + p[f"{group}.offset"]), used != raw
 
 
-def tilt(accel_y_g_q26: Integer, accel_z_g_q26: Integer, p: Params) -> Integer:
+def calibrate(raw: int, p: Params, group: str) -> tuple[int, int]:
+    value, clamped = calibration_apply(p, group, raw)
+    return value, int(clamped)
+
+
+def tilt_angle(p: Params, accel_y_g_q26: int, accel_z_g_q26: int) -> int:
     """Measured tilt, turn Q32."""
-    arcsine = p["tilt.mode"] == 0
-    sine_q30 = clamp(accel_y_g_q26, -(1 << 26), 1 << 26) * 16
-    if isinstance(arcsine, bool):
-        return asin(sine_q30) if arcsine else atan2(accel_y_g_q26, accel_z_g_q26)
-    return select(arcsine, asin(sine_q30), atan2(accel_y_g_q26, accel_z_g_q26))
+    if p["tilt.mode"] == 0:
+        return asin(clamp(accel_y_g_q26, -(1 << 26), 1 << 26) * 16)
+    return atan2(accel_y_g_q26, accel_z_g_q26)
 
 
-def trust(accel_y_g_q26: Integer, accel_z_g_q26: Integer, p: Params) -> Integer:
+def tilt_variance(p: Params, accel_y_g_q26: int, accel_z_g_q26: int) -> int:
     """Variance R of this step in 2^32 lsb, by the difference of |a|^2 from 1 g^2."""
-    m = (accel_y_g_q26 * accel_y_g_q26 + accel_z_g_q26 * accel_z_g_q26) >> 32
-    d = clamp(abs(m - (1 << 20)), 0, p["tilt.deviation_max"]) << p["tilt.deviation_shift"]
-    return clamp(p["tilt.r_base"] + mulhi_u32(mulhi_u32(d, d), p["tilt.r_gain"]), 0, p["tilt.r_max"])
+    square_q20 = (accel_y_g_q26 * accel_y_g_q26 + accel_z_g_q26 * accel_z_g_q26) >> 32
+    d = min(abs(square_q20 - (1 << 20)), p["tilt.deviation_max"]) << p["tilt.deviation_shift"]
+    return min(p["tilt.r_base"] + mulhi_u32(mulhi_u32(d, d), p["tilt.r_gain"]), p["tilt.r_max"])
 
 
 def kalman_init(p: Params) -> KalmanState:
@@ -69,13 +82,14 @@ def kalman_init(p: Params) -> KalmanState:
     )
 
 
-def driving_rate(p: Params, rate: Integer, previous: Integer) -> Integer:
-    """The rate that predicts the tilt, U(k), turn/s Q28."""
-    choice = p["kalman.rate_now"]
-    return select(choice == 2, (previous + rate) >> 1, select(choice == 1, rate, previous))
+def driving_rate(p: Params, first: bool, present: int, before: int) -> int:
+    """The rate that predicts the tilt, turn/s Q28."""
+    if first or p["kalman.rate_now"] == 1:
+        return present
+    return (before + present) >> 1 if p["kalman.rate_now"] == 2 else before
 
 
-def kalman_step(k: KalmanState, p: Params, r: Integer, z: Integer, u: Integer) -> None:
+def kalman_step(k: KalmanState, p: Params, r: int, z: int, u: int) -> None:
     """One predict and update. r: variance in 2^32 lsb; z: measured tilt, turn Q32; u: gyro rate, turn/s Q28. Equations
     as in `plumb.kernels.reference.kernels`."""
     # (2)
@@ -113,47 +127,54 @@ def kalman_step(k: KalmanState, p: Params, r: Integer, z: Integer, u: Integer) -
     k.innovation_turn_q32, k.k0_q29, k.k1_q29 = innovation, k0_q29, k1_q29
 
 
-def kalman_tilt(k: KalmanState) -> Integer:
+def kalman_tilt(k: KalmanState) -> int:
     """Fused tilt, turn Q32."""
     return wrap_i32(k.tilt_turn_q61 >> 29)
 
 
-def kalman_bias(k: KalmanState, p: Params) -> Integer:
+def kalman_predicted(k: KalmanState, p: Params, rate: int) -> int:
+    """The measurement for which the innovation is 0, turn Q32."""
+    return wrap_i32((k.tilt_turn_q61 - k.bias_turn_q61 + rate * p["kalman.dt_s_q33"]) >> 29)
+
+
+def kalman_bias(k: KalmanState, p: Params) -> int:
     """Bias, turn/s Q28, within its limit."""
     limit = p["kalman.bias_max_turn_q29"]
-    h = clamp(k.bias_turn_q61 >> 32, -limit, limit)
-    shifted = wrap_i64(((h << 32) + wrap_u32(k.bias_turn_q61)) << p["kalman.rate_shift"])
-    return (wrap_i32(shifted >> 32) * p["kalman.rate_gain"]) >> 32
+    bias = (clamp(k.bias_turn_q61 >> 32, -limit, limit) << 32) + wrap_u32(k.bias_turn_q61)
+    return mulhi_i32(wrap_i32((bias << p["kalman.rate_shift"]) >> 32), p["kalman.rate_gain"])
 
 
-def pid_step(c: PidState, p: Params, error: Integer, rate: Integer, group: str = "pid") -> None:
+def pid_step(c: PidState, p: Params, error: int, rate: int, group: str = "pid") -> None:
     """One step of the controller. error: turn Q32; rate: turn/s Q28; group: name of its parameter group."""
-    x = wrap_i32((rate >> 1) - c.rate_filtered_turnps_q27)
-    c.rate_filtered_turnps_q27 = wrap_i32(c.rate_filtered_turnps_q27 + 2 * ((x * p[f"{group}.d_alpha_q31"]) >> 32))
-    demand = ((error * p[f"{group}.kp_q22"]) >> 32) - ((c.rate_filtered_turnps_q27 * p[f"{group}.kd_q27"]) >> 32)
-    demand = demand + (c.integral_q54 >> 32)
+    step = wrap_i32((rate >> 1) - c.rate_filtered_turnps_q27)
+    filtered = wrap_i32(c.rate_filtered_turnps_q27 + 2 * mulhi_i32(step, p[f"{group}.d_alpha_q31"]))
+    c.rate_filtered_turnps_q27 = filtered
+
+    demand = mulhi_i32(error, p[f"{group}.kp_q22"]) - mulhi_i32(filtered, p[f"{group}.kd_q27"])
+    demand += c.integral_q54 >> 32
     wanted = clamp(demand, -(1 << 22), (1 << 22) - 1)
     slew = p[f"{group}.slew_q22"]
     before = ((c.command_q22 + (1 << 22)) & ((1 << 23) - 1)) - (1 << 22)
     c.command_q22 = before + clamp(wanted - before, -slew, slew)
 
-    c.excess_q22 = demand - c.command_q22
-    further = (c.excess_q22 != 0) & ((c.excess_q22 < 0) == (error < 0))
-    w = c.integral_q54 + select(further, 0, error) * p[f"{group}.ki_dt_q22"]
-    c.integral_q54 = (clamp(w >> 32, -(1 << 23), (1 << 23) - 1) << 32) + wrap_u32(w)
+    excess = c.excess_q22 = demand - c.command_q22
+    integral = c.integral_q54
+    if excess == 0 or (excess < 0) != (error < 0):
+        integral += error * p[f"{group}.ki_dt_q22"]
+    c.integral_q54 = (clamp(integral >> 32, -(1 << 23), (1 << 23) - 1) << 32) + wrap_u32(integral)
     c.error_turn_q32 = error
 
 
 def pid_retune(c: PidState, old: Params, new: Params, group: str = "pid") -> None:
     """Other gains from the next step on, without a jump: at the last error and rate the demand keeps its value, because
     the integral takes up the difference. The integral does not change where ki dt is 0."""
-    moved = pid_direct(c, old, group) - pid_direct(c, new, group)
-    high = clamp((c.integral_q54 >> 32) + moved, -(1 << 23), (1 << 23) - 1)
-    keeps = new[f"{group}.ki_dt_q22"] == 0
-    c.integral_q54 = select(keeps, c.integral_q54, (high << 32) + wrap_u32(c.integral_q54))
+    if new[f"{group}.ki_dt_q22"] == 0:
+        return
+    high = (c.integral_q54 >> 32) + pid_direct(c, old, group) - pid_direct(c, new, group)
+    c.integral_q54 = (clamp(high, -(1 << 23), (1 << 23) - 1) << 32) + wrap_u32(c.integral_q54)
 
 
-def pid_direct(c: PidState, p: Params, group: str) -> Integer:
+def pid_direct(c: PidState, p: Params, group: str) -> int:
     """The P and D terms at the last error and rate, Q22, which a step adds to the integral."""
-    proportional = (c.error_turn_q32 * p[f"{group}.kp_q22"]) >> 32
-    return proportional - ((c.rate_filtered_turnps_q27 * p[f"{group}.kd_q27"]) >> 32)
+    proportional = mulhi_i32(c.error_turn_q32, p[f"{group}.kp_q22"])
+    return proportional - mulhi_i32(c.rate_filtered_turnps_q27, p[f"{group}.kd_q27"])

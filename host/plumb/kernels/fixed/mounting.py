@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from plumb.kernels.fixed.kernels import Params
-from plumb.kernels.integers import Integer, clamp, select
+from plumb.kernels.integers import clamp
 
 LIMIT = 7 << 28
 """Limit of every calibrated value: 7 turn/s, 28 g."""
@@ -12,21 +12,21 @@ NAMES = tuple(f"{row}{column}_q30" for row in "xyz" for column in "xyz")
 """Parameters of the group, in their order: body axis, sensor axis."""
 
 
-def mount(p: Params, group: str, v: tuple[Integer, Integer, Integer]) -> tuple[list[Integer], Integer]:
-    """The vector in the body's axes, and 1 where a component was limited, else 0."""
-    found, limited = [], 0
-    for row in "xyz":
-        total = sum(p[f"{group}.{row}{column}_q30"] * value for column, value in zip("xyz", v, strict=True))
-        exact = (total + (1 << 29)) >> 30
-        kept = clamp(exact, -LIMIT, LIMIT)
-        limited = limited | select(kept != exact, 1, 0)
-        found.append(kept)
-    return found, limited
+def mount(p: Params, group: str, v: tuple[int, int, int]) -> tuple[tuple[int, int, int], bool]:
+    """The vector in the body's axes, and whether a component was limited."""
+    x, y, z = v
+    assert -LIMIT <= x <= LIMIT and -LIMIT <= y <= LIMIT and -LIMIT <= z <= LIMIT, v
+    exact_x = (p[f"{group}.xx_q30"] * x + p[f"{group}.xy_q30"] * y + p[f"{group}.xz_q30"] * z + (1 << 29)) >> 30
+    exact_y = (p[f"{group}.yx_q30"] * x + p[f"{group}.yy_q30"] * y + p[f"{group}.yz_q30"] * z + (1 << 29)) >> 30
+    exact_z = (p[f"{group}.zx_q30"] * x + p[f"{group}.zy_q30"] * y + p[f"{group}.zz_q30"] * z + (1 << 29)) >> 30
+    exact = exact_x, exact_y, exact_z
+    kept = clamp(exact_x, -LIMIT, LIMIT), clamp(exact_y, -LIMIT, LIMIT), clamp(exact_z, -LIMIT, LIMIT)
+    return kept, kept != exact
 
 
 def valid(p: Params, group: str) -> bool:
     """Whether the firmware would accept this mounting at a commit; p: one set."""
-    m = [[int(p[f"{group}.{row}{column}_q30"]) for column in "xyz"] for row in "xyz"]
+    m = [[p[f"{group}.{row}{column}_q30"] for column in "xyz"] for row in "xyz"]
     if any(sum(abs(entry) for entry in row) >= 2 * ONE_Q30 for row in m):
         return False
 

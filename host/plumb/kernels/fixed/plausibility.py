@@ -74,7 +74,7 @@ def _holds(now: int, met: bool, dt: int, limit: int) -> int:
 
 
 def _mean(of: int, value: int, share: int) -> int:
-    return of + ((int(clamp(value, -MEAN_MAX, MEAN_MAX)) - of) * share >> 32)
+    return of + ((clamp(value, -MEAN_MAX, MEAN_MAX) - of) * share >> 32)
 
 
 def step(s: State, b: Bounds, word: Mapping[str, int], dt: int, unit_turn2_q56: int) -> None:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from plumb.kernels.integers import Integer, clamp, select
+from plumb.kernels.integers import INT32_MAX, INT32_MIN, clamp, wrap_i32
 
 ONE_Q30 = 1 << 30
 PI_Q29, INVERSE_PI_Q32 = 1686629713, 1367130551
 
 
-def mul_q30(a: Integer, b: Integer) -> Integer:
-    """a * b / 2^30, rounded to nearest."""
-    return (a * b + (1 << 29)) >> 30
+def mul_q30(a: int, b: int) -> int:
+    """a * b / 2^30 of two signed 32-bit values, rounded to nearest."""
+    assert INT32_MIN <= a <= INT32_MAX and INT32_MIN <= b <= INT32_MAX, (a, b)
+    return wrap_i32((a * b + (1 << 29)) >> 30)
 
 
-Quaternion = tuple[Integer, Integer, Integer, Integer]
+Quaternion = tuple[int, int, int, int]
 
 
 def product(p: Quaternion, q: Quaternion) -> Quaternion:
@@ -30,7 +31,7 @@ def product(p: Quaternion, q: Quaternion) -> Quaternion:
     )
 
 
-def rotate(q: Quaternion, turn_q60: Sequence[Integer]) -> Quaternion:
+def rotate(q: Quaternion, turn_q60: Sequence[int]) -> Quaternion:
     """q after the body rotates by a rotation vector (turn Q60), renormalised."""
     half, square = [], 0
     for turn in turn_q60:
@@ -48,14 +49,12 @@ def rotate(q: Quaternion, turn_q60: Sequence[Integer]) -> Quaternion:
     return (mul_q30(r[0], keep), mul_q30(r[1], keep), mul_q30(r[2], keep), mul_q30(r[3], keep))
 
 
-def difference(start: Quaternion, end: Quaternion) -> list[Integer]:
+def difference(start: Quaternion, end: Quaternion) -> list[int]:
     """Rotation vector from `start` to `end` in the body's axes, turn Q32, for small angles."""
     w, *vector = product((start[0], -start[1], -start[2], -start[3]), end)
     turns = [(v * INVERSE_PI_Q32 + (1 << 29)) >> 30 for v in vector]
-    return [select(w < 0, -turn, turn) for turn in turns]
+    return [-turn for turn in turns] if w < 0 else turns
 
 
-def chosen(where: Integer, yes: Quaternion, no: Quaternion) -> Quaternion:
-    """`yes` for the runs in `where`, else `no`."""
-    w, x, y, z = (select(where, a, b) for a, b in zip(yes, no, strict=True))
-    return w, x, y, z
+def chosen(where: int, yes: Quaternion, no: Quaternion) -> Quaternion:
+    return yes if where else no

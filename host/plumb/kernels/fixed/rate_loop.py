@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from enum import Enum, auto
 
 from plumb.kernels.fixed.kernels import Params
-from plumb.kernels.integers import Integer, clamp, mul, select, wrap_i32
+from plumb.kernels.integers import clamp, mulhi_i32, wrap_i32
+
+
+class RateLoopMode(Enum):
+    """State of the vehicle, which decides what happens to the integral."""
+
+    OFF = auto()
+    """The rotors are off: the integral is 0."""
+    GROUNDED = auto()
+    """The integral decays by a 32nd per step."""
+    HELD = auto()
+    """It may stand on the ground: the integral stays."""
+    FLYING = auto()
 
 
 @dataclass(slots=True)
@@ -14,38 +26,39 @@ class RateLoopState:
     """Words of the record, in order. excess_q24: the demand of the step before minus the command that the mixer
     gave."""
 
-    rate_filtered_turnps_q27: Integer
-    integral_q30: Integer
-    demand_q24: Integer
-    excess_q24: Integer
+    rate_filtered_turnps_q27: int = 0
+    integral_q30: int = 0
+    demand_q24: int = 0
+    excess_q24: int = 0
 
-    def words(self) -> tuple[Integer, ...]:
+    def words(self) -> tuple[int, ...]:
         return (self.rate_filtered_turnps_q27, self.integral_q30, self.demand_q24, self.excess_q24)
 
 
-class Conditions(NamedTuple):
-    """Conditions of a step that the loops of all axes share. flies: the rotors are on; landed: the vehicle stands on
-    the ground, so that the integral decays; touches: it may stand there, so that the integral stays."""
+def rate_loop_step(
+    c: RateLoopState,
+    p: Params,
+    group: str,
+    d_alpha_q31: int,
+    integral_max_q30: int,
+    asked_turnps_q28: int,
+    rate_turnps_q28: int,
+    mode: RateLoopMode,
+) -> None:
+    """One step: the demand of the axis. group: name of its parameter group."""
+    asked, rate = asked_turnps_q28 >> 1, rate_turnps_q28 >> 1
+    error = asked - rate
+    change = wrap_i32(rate - c.rate_filtered_turnps_q27)
+    c.rate_filtered_turnps_q27 = wrap_i32(c.rate_filtered_turnps_q27 + 2 * mulhi_i32(change, d_alpha_q31))
 
-    d_alpha_q31: Integer
-    integral_max_q30: Integer
-    flies: Integer
-    landed: Integer
-    touches: Integer = False
+    winds_up = (c.excess_q24 > 0 and error > 0) or (c.excess_q24 < 0 and error < 0)
+    if mode is RateLoopMode.OFF:
+        c.integral_q30 = 0
+    elif mode is RateLoopMode.GROUNDED:
+        c.integral_q30 -= c.integral_q30 >> 5
+    elif mode is RateLoopMode.FLYING and not winds_up:
+        grown = c.integral_q30 + mulhi_i32(error, p[f"{group}.ki_dt_q35"])
+        c.integral_q30 = clamp(grown, -integral_max_q30, integral_max_q30)
 
-
-def rate_loop_step(c: RateLoopState, p: Params, group: str, shared: Conditions, asked: Integer, rate: Integer) -> None:
-    """One step: the demand of the axis. asked, rate: turn/s Q28; group: name of its parameter group."""
-    error = (asked >> 1) - (rate >> 1)
-    change = wrap_i32((rate >> 1) - c.rate_filtered_turnps_q27)
-    c.rate_filtered_turnps_q27 = wrap_i32(c.rate_filtered_turnps_q27 + 2 * mul(change, shared.d_alpha_q31))
-
-    limit = shared.integral_max_q30
-    winds_up = ((c.excess_q24 > 0) & (error > 0)) | ((c.excess_q24 < 0) & (error < 0))
-    grown = clamp(c.integral_q30 + mul(error, p[f"{group}.ki_dt_q35"]), -limit, limit)
-    in_air = select(winds_up | shared.touches, c.integral_q30, grown)
-    on_ground = c.integral_q30 - (c.integral_q30 >> 5)
-    c.integral_q30 = select(shared.flies, select(shared.landed, on_ground, in_air), 0 * on_ground)
-
-    direct = mul(error, p[f"{group}.kp_q29"]) + mul(asked >> 1, p[f"{group}.ff_q29"])
-    c.demand_q24 = direct - 2 * mul(change, p[f"{group}.kd_q28"]) + (c.integral_q30 >> 6)
+    direct = mulhi_i32(error, p[f"{group}.kp_q29"]) + mulhi_i32(asked, p[f"{group}.ff_q29"])
+    c.demand_q24 = direct - 2 * mulhi_i32(change, p[f"{group}.kd_q28"]) + (c.integral_q30 >> 6)

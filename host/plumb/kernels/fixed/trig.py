@@ -1,19 +1,15 @@
 """Arc tangent, arc sine, sine, cosine and length, from docs/reference/arithmetic/kernels.md alone; the integer side of
-`plumb.systems.run_fixed`.
-
-Like all kernels here they take ints, or int64 arrays, and give the same for both.
-"""
+`plumb.systems.run_fixed`."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from plumb.kernels.integers import Integer, clamp, clz32, mulhi_u32, select, wrap_i32, wrap_u32
+from plumb.kernels.integers import clz32, mulhi_u32, wrap_i32, wrap_u32
 
 ATAN_Q33 = (1367129643, -455662709, 272695593, -190149124, 131821425, -76439450, 29889517, -5543123)
 ASIN_Q32 = (1073741824, -146689165, 60745628, -33710821, 19130782, -8341557, 1831557)
 SIN_Q31 = (1686629690, -173399356, 5346959, -77046)
 COS_Q32 = (1324675872, -68093819, 1399910, -15167)
+LENGTH_MAX = 7 << 28
 
 # fmt: off
 ROOT = (
@@ -32,78 +28,77 @@ ROOT = (
 )
 # fmt: on
 """Segments of 1 / sqrt, Q16: value at the left end (upper half), decrease over the segment (lower half)."""
-ROOT_ARRAY = np.array(ROOT, np.int64)
 
 
-def reciprocal(d: Integer) -> Integer:
+def reciprocal(d: int) -> int:
     """2^61 / d for 2^30 <= d < 2^31: one division of 32 bits, one Newton step."""
+    assert 1 << 30 <= d < 1 << 31, d
     x = 0xFFFFFFFF // (d >> 15)
     e = wrap_i32(x * (d >> 1))
     return (x << 14) - ((x * ((e >> 17) + 1)) >> 15)
 
 
-def polynomial(c: tuple[int, ...], v: Integer) -> Integer:
+def polynomial(c: tuple[int, ...], v: int) -> int:
     """c[0] + c[1] v + c[2] v^2 + ...; v in Q30, 0 to 1."""
+    assert 0 <= v <= 1 << 30, v
     p = c[-1]
     for coefficient in c[-2::-1]:
         p = coefficient + 4 * ((p * v) >> 32)
     return p
 
 
-def atan2(y: Integer, x: Integer) -> Integer:
+def atan2(y: int, x: int) -> int:
     """Angle of the point (x, y), turn Q32; the half turn is -2^31 and (0, 0) is 0."""
     ax, ay = abs(x), abs(y)
-    steep = ay > ax
-    longer = clamp(select(steep, ay, ax), 1, 1 << 31)
+    longer = max(ax, ay, 1)
     n = clz32(longer)
-    m = (select(steep, ax, ay) << n) >> 1
+    m = (min(ax, ay) << n) >> 1
     d = (longer << n) >> 1
     t = (m * reciprocal(d)) >> 31
     s = (t * t) >> 30
     turn = (t * polynomial(ATAN_Q33, s)) >> 31
-    turn = select(steep, (1 << 30) - turn, turn)
-    turn = select(x < 0, (1 << 31) - turn, turn)
-    return wrap_i32(select(y < 0, -turn, turn))
+    if ay > ax:
+        turn = (1 << 30) - turn
+    if x < 0:
+        turn = (1 << 31) - turn
+    return wrap_i32(-turn if y < 0 else turn)
 
 
-def root(w: Integer) -> Integer:
+def root(w: int) -> int:
     """sqrt(w / 2^30), Q29, of 2^30 <= w < 2^32."""
-    segment = (w >> 25) - 32
-    entry = ROOT[segment] if isinstance(segment, int) else ROOT_ARRAY[segment]
+    assert 1 << 30 <= w < 1 << 32, w
+    entry = ROOT[(w >> 25) - 32]
     r = (entry >> 16) - (((entry & 0xFFFF) * ((w >> 9) & 0xFFFF)) >> 16)
     s = (w * r) >> 17
     e = wrap_i32(mulhi_u32(w, wrap_u32(r * r)) - (1 << 30))
     return s - ((s * e) >> 31)
 
 
-def asin(x: Integer) -> Integer:
+def asin(x: int) -> int:
     """Angle whose sine is x / 2^30, turn Q32; beyond +-1 a quarter turn."""
-    v = clamp(abs(x), 0, 1 << 30)
-    rest = clamp((1 << 30) - v, 1, 1 << 30)
+    v = min(abs(x), 1 << 30)
+    rest = max((1 << 30) - v, 1)
     m = clz32(rest) & ~1
     acos = ((root(rest << m) * polynomial(ASIN_Q32, v)) >> 29) >> (m >> 1)
-    acos = select(v == 1 << 30, 0, acos)
+    if v == 1 << 30:
+        acos = 0
     turn = (1 << 30) - acos
-    return select(x < 0, -turn, turn)
+    return -turn if x < 0 else turn
 
 
-def length(y: Integer, x: Integer) -> Integer:
+def length(y: int, x: int) -> int:
     """Half the length of (x, y), for components of at most 7 * 2^28."""
+    assert -LENGTH_MAX <= y <= LENGTH_MAX and -LENGTH_MAX <= x <= LENGTH_MAX, (y, x)
     square = (y * y + x * x) | 1
-    short = square < 1 << 32
-    top = select(short, square, square >> 32)
-    n = (select(short, 32, 0) + clz32(top)) & ~1
-    w = select(short, wrap_u32(square) << (n & 31), ((square >> 1) >> (31 - (n & 31))))
-    return (root(w) << 1) >> (n >> 1)
+    n = (64 - square.bit_length()) & ~1
+    return (root((square << n) >> 32) << 1) >> (n >> 1)
 
 
-def sincos(turn: Integer) -> tuple[Integer, Integer]:
+def sincos(turn: int) -> tuple[int, int]:
     """Sine and cosine of a binary angle, Q30."""
     quadrant = wrap_u32(turn + (1 << 29)) >> 30
     x = wrap_i32(turn - (quadrant << 30))
     v = (x * x) >> 28
     sine = (x * polynomial(SIN_Q31, v)) >> 30
     cosine = (1 << 30) - ((v * polynomial(COS_Q32, v)) >> 32)
-    odd = (quadrant & 1) == 1
-    s, c = select(odd, cosine, sine), select(odd, sine, cosine)
-    return select((quadrant & 2) == 2, -s, s), select(((quadrant + 1) & 2) == 2, -c, c)
+    return ((sine, cosine), (cosine, -sine), (-sine, -cosine), (-cosine, sine))[quadrant]

@@ -18,41 +18,39 @@ U32 = 0xFFFFFFFF
 
 
 def _wide(p: Params, name: str) -> int:
-    return int(wrap_i64((int(p[f"{name}_hi"]) << 32) + int(p[f"{name}_lo"])))
+    return wrap_i64((p[f"{name}_hi"] << 32) + p[f"{name}_lo"])
 
 
 def calibration(p: Params, group: str) -> bool:
     """Both ends of the range of counts give a value within the limit."""
-    low, high = int(p[f"{group}.raw_min"]), int(p[f"{group}.raw_max"])
-    ends = [end * int(p[f"{group}.gain"]) + int(p[f"{group}.offset"]) for end in (low, high)]
+    low, high = p[f"{group}.raw_min"], p[f"{group}.raw_max"]
+    ends = [end * p[f"{group}.gain"] + p[f"{group}.offset"] for end in (low, high)]
     return -(1 << 15) <= low <= high < 1 << 15 and all(-LIMIT <= end <= LIMIT for end in ends)
 
 
 def tilt(p: Params) -> bool:
     """Measured tilt and its variance."""
-    shift, base = int(p["tilt.deviation_shift"]), int(p["tilt.r_base"])
-    if int(p["tilt.mode"]) > 1 or shift > 31 or int(p["tilt.deviation_max"]) << shift > U32:
+    shift, base = p["tilt.deviation_shift"], p["tilt.r_base"]
+    if p["tilt.mode"] > 1 or shift > 31 or p["tilt.deviation_max"] << shift > U32:
         return False
-    d = int(p["tilt.deviation_max"]) << shift
-    return 1 <= base <= int(p["tilt.r_max"]) <= VARIANCE_MAX and (
-        base + int(mulhi_u32(int(mulhi_u32(d, d)), int(p["tilt.r_gain"]))) <= U32
-    )
+    d = p["tilt.deviation_max"] << shift
+    return 1 <= base <= p["tilt.r_max"] <= VARIANCE_MAX and (base + mulhi_u32(mulhi_u32(d, d), p["tilt.r_gain"]) <= U32)
 
 
 def kalman(p: Params, noise: str = "kalman", start: str = "start") -> bool:
     """The filter. noise, start: the parameter groups of its process noise and its start; the rest is in `kalman`."""
-    shift, gain, most = int(p["kalman.rate_shift"]), int(p["kalman.rate_gain"]), int(p["kalman.bias_max_turn_q29"])
+    shift, gain, most = p["kalman.rate_shift"], p["kalman.rate_gain"], p["kalman.bias_max_turn_q29"]
     if not (1 <= shift <= 16 and most >= 0):
         return False
     bias = (most + 1) << shift
     return (
-        int(p["kalman.dt_s_q33"]) >= 1
-        and 0 <= int(p["kalman.rate_now"]) <= 2
+        p["kalman.dt_s_q33"] >= 1
+        and 0 <= p["kalman.rate_now"] <= 2
         and gain >= 1 << 30
         and bias <= 1 << 30
         and bias * gain < 1 << 60
         and _covariance(p, _wide(p, f"{noise}.qa"), start)
-        and int(p[f"{noise}.qb_frac_q30"]) < 1 << 30
+        and p[f"{noise}.qb_frac_q30"] < 1 << 30
     )
 
 
@@ -60,7 +58,7 @@ def _covariance(p: Params, qa: int, start: str) -> bool:
     p00, p01, p11 = (_wide(p, f"{start}.{name}") for name in ("p00", "p01", "p11"))
     return (
         0 <= qa <= COVARIANCE_MAX
-        and abs(int(p[f"{start}.bias_hi"])) < 1 << 26
+        and abs(p[f"{start}.bias_hi"]) < 1 << 26
         and 0 <= p00 <= 2 * COVARIANCE_MAX
         and 0 <= p11 < COVARIANCE_MAX
         and max(-p00, -COVARIANCE_MAX) <= p01 <= p00
@@ -70,26 +68,26 @@ def _covariance(p: Params, qa: int, start: str) -> bool:
 
 def pid(p: Params, group: str = "pid") -> bool:
     """A controller."""
-    gains = [abs(int(p[f"{group}.{name}"])) for name in ("kp_q22", "kd_q27")]
-    slew = int(p[f"{group}.slew_q22"])
-    positive = int(p[f"{group}.ki_dt_q22"]) >= 0 and int(p[f"{group}.d_alpha_q31"]) >= 0
+    gains = [abs(p[f"{group}.{name}"]) for name in ("kp_q22", "kd_q27")]
+    slew = p[f"{group}.slew_q22"]
+    positive = p[f"{group}.ki_dt_q22"] >= 0 and p[f"{group}.d_alpha_q31"] >= 0
     return max(gains) <= 1 << 30 and positive and 1 <= slew <= 1 << 23
 
 
 def esc(p: Params) -> bool:
     """Pulses of speed controllers, half-microseconds."""
-    pulses = [int(p[f"esc.{name}_halfus"]) for name in ("neutral", "min", "mid", "max")]
+    pulses = [p[f"esc.{name}_halfus"] for name in ("neutral", "min", "mid", "max")]
     ordered = pulses == sorted(pulses) and pulses[0] >= 1800 and pulses[-1] <= 4200
-    return ordered and pulses[0] <= 2200 and abs(int(p["esc.span_halfus"])) <= 2400
+    return ordered and pulses[0] <= 2200 and abs(p["esc.span_halfus"]) <= 2400
 
 
 def wheel(p: Params) -> bool:
     """Speed from edges: at most 15 m/s for the largest number of edges."""
-    edges = int(p["wheel.edges_max"])
-    positive = int(p["wheel.alpha_q31"]) >= 0 and int(p["wheel.accel_gain_q30"]) >= 0
-    return 1 <= edges < 1 << 15 and positive and edges * abs(int(p["wheel.edge_mps_q26"])) <= 15 << 26
+    edges = p["wheel.edges_max"]
+    positive = p["wheel.alpha_q31"] >= 0 and p["wheel.accel_gain_q30"] >= 0
+    return 1 <= edges < 1 << 15 and positive and edges * abs(p["wheel.edge_mps_q26"]) <= 15 << 26
 
 
 def prefilter(p: Params, group: str) -> bool:
     """The test for spikes and the smoothing of a sensor."""
-    return 1 <= int(p[f"{group}.spike_counts"]) <= 1 << 17 and 1 <= int(p[f"{group}.smooth_q16"]) <= 1 << 16
+    return 1 <= p[f"{group}.spike_counts"] <= 1 << 17 and 1 <= p[f"{group}.smooth_q16"] <= 1 << 16

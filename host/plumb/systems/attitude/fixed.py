@@ -83,10 +83,10 @@ def remember(c: ControlState) -> None:
 def sense(p: Params, raw: Sequence[Integer], group: str) -> tuple[list[Integer], Integer]:
     """Calibrated values of one sensor in the body's axes, and 1 where one of them was at its limit, else 0."""
     (x, at_x), (y, at_y), (z, at_z) = (calibrate(count, p, group) for count in raw)
-    turned, limited = mount(p, f"{group}_mounting", (x, y, z))
+    turned, over = mount(p, f"{group}_mounting", (x, y, z))
     mounted = p["attitude.mounted"] == 1
     values = [select(mounted, new, old) for new, old in zip(turned, (x, y, z), strict=True)]
-    return values, at_x | at_y | at_z | select(mounted, limited, 0)
+    return values, at_x | at_y | at_z | select(mounted, int(over), 0)
 
 
 def sample(c: ControlState, p: Params, raw: Sequence[Integer]) -> Integer:

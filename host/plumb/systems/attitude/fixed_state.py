@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 
-import numpy as np
-
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.quaternion import ONE_Q30
 from plumb.kernels.integers import Integer
@@ -117,41 +115,16 @@ FORGOTTEN = (
 
 
 def clear(c: ControlState, names: Iterable[str], zero: Integer) -> None:
-    """Set the named parts of the state to zero: an int, or an array with a 0 for each run."""
+    """Set the named parts of the state to zero."""
     for name in names:
         value = getattr(c, name)
         setattr(c, name, [zero] * len(value) if isinstance(value, list) else zero)
 
 
 def in_runs(c: ControlState, p: Params, where: Integer, part: Callable[[ControlState, Params], None]) -> None:
-    """Do `part` with the state if the condition holds; with arrays, in the runs where it holds."""
-    if isinstance(where, bool):
-        if where:
-            part(c, p)
-    elif where.all():
+    """Do `part` with the state if the condition holds."""
+    if where:
         part(c, p)
-    elif where.any():
-        at = np.flatnonzero(where)
-        taken = [_taken(getattr(c, name), at) for name in NAMES]
-        own = ControlState(*(list(value) if isinstance(value, list) else value for value in taken))
-        part(own, {name: column[at] for name, column in p.items() if name.startswith("attitude.")})
-        for name, before in zip(NAMES, taken, strict=True):
-            setattr(c, name, _merged(getattr(c, name), at, before, getattr(own, name)))
-
-
-def _taken(value: Integer, at: Integer) -> Integer:
-    return [one[at] for one in value] if isinstance(value, list) else value[at]
-
-
-def _merged(whole: Integer, at: Integer, before: Integer, after: Integer) -> Integer:
-    """`whole` with the runs `at` as after the part; itself where the part has changed nothing."""
-    if isinstance(whole, list):
-        return [_merged(*one) for one in zip(whole, [at] * len(whole), before, after, strict=True)]
-    if after is before:
-        return whole
-    merged = whole.copy()
-    merged[at] = after
-    return merged
 
 
 def control_init(p: Params) -> ControlState:

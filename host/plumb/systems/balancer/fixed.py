@@ -7,89 +7,113 @@ from dataclasses import dataclass, field
 
 from plumb.kernels.fixed import kernels, plausibility, validity
 from plumb.kernels.fixed.kernels import KalmanState, Params, PidState
-from plumb.kernels.integers import Integer, clamp, select, wrap_i32
+from plumb.kernels.integers import clamp, mulhi_i32, wrap_i16, wrap_i32
 
-FLAG_COMMAND_LIMITED, FLAG_WHEEL_CLAMPED, FLAG_LEAN_LIMITED = 1 << 3, 1 << 4, 1 << 5
-FLAG_SETPOINT_CLAMPED, FLAG_FALLEN = 1 << 6, 1 << 7
+(
+    FLAG_GYRO_CLAMPED, FLAG_ACCEL_X_CLAMPED, FLAG_ACCEL_Z_CLAMPED, FLAG_COMMAND_LIMITED, FLAG_WHEEL_CLAMPED,
+    FLAG_LEAN_LIMITED, FLAG_SETPOINT_CLAMPED, FLAG_FALLEN,
+) = (1 << bit for bit in range(8))  # fmt: skip
 WHEEL_ACCEL_LIMIT_G_Q24 = 3 << 24
+
+
+@dataclass(slots=True)
+class Wheel:
+    """Speed of the step, filtered velocity and acceleration. Words of the record, in order."""
+
+    speed_mps_q26: int = 0
+    velocity_mps_q26: int = 0
+    accel_g_q26: int = 0
+
+    def words(self) -> tuple[int, ...]:
+        return self.speed_mps_q26, self.velocity_mps_q26, self.accel_g_q26
 
 
 @dataclass(slots=True)
 class ControlState:
     kalman: KalmanState
+    wheel: Wheel = field(default_factory=Wheel)
     speed: PidState = field(default_factory=PidState)
     pid: PidState = field(default_factory=PidState)
-    hall: Integer = 0
-    velocity_mps_q26: Integer = 0
-    rate_turnps_q28: Integer = 0
-    clamped_steps: Integer = 0
-    fallen: Integer = 0
-    tilt_turn_q32: Integer = 0
-    blind: Integer = 0
-    """1: the accelerometer is not believed, the tilt measured is the one estimated in the step before."""
+    hall: int = 0
+    rate_turnps_q28: int = 0
+    clamped_steps: int = 0
+    fallen: bool = False
+    tilt_turn_q32: int = 0
+    blind: bool = False
+    """The accelerometer is not believed, the tilt measured is the one estimated in the step before."""
     step: int = 0
-
-
-def wheel(edges: Integer, velocity: Integer, p: Params) -> tuple[Integer, Integer, Integer, Integer]:
-    """Speed of this step and filtered velocity, m/s Q26; acceleration, g Q26; and 1 if a value was clamped, else 0."""
-    used = clamp(edges, -p["wheel.edges_max"], p["wheel.edges_max"])
-    speed = used * p["wheel.edge_mps_q26"]
-    change = speed - velocity
-    accel_q24 = (change * p["wheel.accel_gain_q30"]) >> 32
-    limited_q24 = clamp(accel_q24, -WHEEL_ACCEL_LIMIT_G_Q24, WHEEL_ACCEL_LIMIT_G_Q24)
-    clamped = select((used != edges) | (limited_q24 != accel_q24), 1, 0)
-    return speed, velocity + 2 * ((change * p["wheel.alpha_q31"]) >> 32), limited_q24 * 4, clamped
 
 
 def control_init(p: Params) -> ControlState:
     return ControlState(kernels.kalman_init(p))
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mps_q26: Integer) -> tuple[Integer, ...]:
+def wheel_step(c: Wheel, p: Params, edges: int) -> bool:
+    """Speed, velocity and acceleration from the edges of a step; returns whether a value was clamped."""
+    used = clamp(edges, -p["wheel.edges_max"], p["wheel.edges_max"])
+    c.speed_mps_q26 = used * p["wheel.edge_mps_q26"]
+    change = c.speed_mps_q26 - c.velocity_mps_q26
+    c.velocity_mps_q26 += 2 * mulhi_i32(change, p["wheel.alpha_q31"])
+    accel_q24 = mulhi_i32(change, p["wheel.accel_gain_q30"])
+    limited_q24 = clamp(accel_q24, -WHEEL_ACCEL_LIMIT_G_Q24, WHEEL_ACCEL_LIMIT_G_Q24)
+    c.accel_g_q26 = limited_q24 * 4
+    return used != edges or limited_q24 != accel_q24
+
+
+def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_mps_q26: int) -> tuple[int, ...]:
     """One step; returns the values of the record's words, in order."""
+    k, wheel, speed, pid = c.kalman, c.wheel, c.speed, c.pid
+    first = c.step == 0
+    edges = 0 if first else wrap_i16(raw[3] - c.hall)
+    c.hall = raw[3]
+
+    rate, gyro_clamped = kernels.calibration_apply(p, "gyro", raw[0])
+    accel_x, x_clamped = kernels.calibration_apply(p, "accel", raw[1])
+    accel_z, z_clamped = kernels.calibration_apply(p, "accel_up", raw[2])
+    wheel_clamped = wheel_step(wheel, p, edges)
+    flags = (
+        (FLAG_GYRO_CLAMPED if gyro_clamped else 0)
+        | (FLAG_ACCEL_X_CLAMPED if x_clamped else 0)
+        | (FLAG_ACCEL_Z_CLAMPED if z_clamped else 0)
+        | (FLAG_WHEEL_CLAMPED if wheel_clamped else 0)
+    )
+    driving = kernels.driving_rate(p, first, rate, c.rate_turnps_q28)
+    gravity_x = accel_x + wheel.accel_g_q26
     c.step += 1
-    edges = raw[3] * 0 if c.step == 1 else ((raw[3] - c.hall + 0x8000) & 0xFFFF) - 0x8000
-    previous, c.hall = c.rate_turnps_q28, raw[3]
-    rate, gyro_clamped = kernels.calibrate(raw[0], p, "gyro")
-    accel_x, x_clamped = kernels.calibrate(raw[1], p, "accel")
-    accel_z, z_clamped = kernels.calibrate(raw[2], p, "accel_up")
-    speed, velocity, wheel_accel, wheel_clamped = wheel(edges, c.velocity_mps_q26, p)
-    c.rate_turnps_q28, c.velocity_mps_q26 = rate, velocity
-    u = rate if c.step == 1 else kernels.driving_rate(p, rate, previous)
-    gravity_x = accel_x + wheel_accel
-    measured = select(c.blind == 1, c.tilt_turn_q32, kernels.tilt(gravity_x, accel_z, p))
-    variance = kernels.trust(gravity_x, accel_z, p)
-    k, lean_pid, pid = c.kalman, c.speed, c.pid
-    kernels.kalman_step(k, p, variance, measured, u)
+    c.rate_turnps_q28 = rate
+    if flags:
+        c.clamped_steps += 1
+
+    variance = kernels.tilt_variance(p, gravity_x, accel_z)
+    measured = c.tilt_turn_q32 if c.blind else kernels.tilt_angle(p, gravity_x, accel_z)
+
+    kernels.kalman_step(k, p, variance, measured, driving)
     tilt_turn_q32, bias = kernels.kalman_tilt(k), kernels.kalman_bias(k, p)
     c.tilt_turn_q32 = tilt_turn_q32
     rate_corrected = rate - bias
 
     wanted = clamp(setpoint_mps_q26, -p["drive.speed_max_mps_q26"], p["drive.speed_max_mps_q26"])
-    speed_error = wanted - velocity
-    kernels.pid_step(lean_pid, p, speed_error, wheel_accel, "speed")
-    lean = (lean_pid.command_q22 * 256 * p["drive.lean_max_turn_q34"]) >> 32
-    error = wrap_i32(lean - tilt_turn_q32)
-    kernels.pid_step(pid, p, error, rate_corrected)
+    kernels.pid_step(speed, p, wanted - wheel.velocity_mps_q26, wheel.accel_g_q26, "speed")
+    lean_turn_q32 = mulhi_i32(speed.command_q22 * 256, p["drive.lean_max_turn_q34"])
 
-    c.fallen = select((c.fallen == 1) | (abs(tilt_turn_q32) > p["drive.fall_turn_q32"]), 1, 0)
+    kernels.pid_step(pid, p, wrap_i32(lean_turn_q32 - tilt_turn_q32), rate_corrected)
+
+    if abs(tilt_turn_q32) > p["drive.fall_turn_q32"]:
+        c.fallen = True
     duty = ((pid.command_q22 >> 6) * p["drive.span_q15"] + (1 << 15)) >> 16
-    duty = select(c.fallen == 1, 0, clamp(duty, -p["drive.duty_max_q15"], p["drive.duty_max_q15"]))
-
-    flags = gyro_clamped | x_clamped << 1 | z_clamped << 2 | wheel_clamped * FLAG_WHEEL_CLAMPED
-    c.clamped_steps = c.clamped_steps + select(flags != 0, 1, 0)
-    flags = flags | select(wanted != setpoint_mps_q26, FLAG_SETPOINT_CLAMPED, 0)
-    flags = flags | select(lean_pid.excess_q22 != 0, FLAG_LEAN_LIMITED, 0)
-    flags = flags | select(pid.excess_q22 != 0, FLAG_COMMAND_LIMITED, 0) | c.fallen * FLAG_FALLEN
+    duty_q15 = 0 if c.fallen else clamp(duty, -p["drive.duty_max_q15"], p["drive.duty_max_q15"])
+    if wanted != setpoint_mps_q26:
+        flags |= FLAG_SETPOINT_CLAMPED
+    if speed.excess_q22 != 0:
+        flags |= FLAG_LEAN_LIMITED
+    if pid.excess_q22 != 0:
+        flags |= FLAG_COMMAND_LIMITED
+    if c.fallen:
+        flags |= FLAG_FALLEN
     return (
-        *raw, setpoint_mps_q26, rate, accel_x, accel_z, speed, velocity, wheel_accel, gravity_x, measured, variance,
-        k.tilt_turn_q61, k.bias_turn_q61, k.p00, k.p01, k.p11, k.p11_frac_q30,
-        k.innovation_turn_q32, k.k0_q29, k.k1_q29,
-        tilt_turn_q32, bias, rate_corrected, c.clamped_steps,
-        lean_pid.integral_q54, lean_pid.command_q22, lean_pid.rate_filtered_turnps_q27, lean_pid.excess_q22,
-        speed_error,
-        pid.integral_q54, pid.command_q22, pid.rate_filtered_turnps_q27, pid.excess_q22, error,
-        lean, duty, flags, c.step,
+        *raw, setpoint_mps_q26, rate, accel_x, accel_z, *wheel.words(), gravity_x, measured, variance, *k.words(),
+        tilt_turn_q32, bias, rate_corrected, c.clamped_steps, *speed.words(), *pid.words(), lean_turn_q32, duty_q15,
+        flags, c.step,
     )  # fmt: skip
 
 
@@ -108,7 +132,7 @@ def control_valid(p: Params) -> bool:
 def _drive_valid(p: Params) -> bool:
     within = (("speed_max_mps_q26", 0, 8 << 26), ("lean_max_turn_q34", 0, 1 << 30), ("span_q15", -32767, 32767),
               ("duty_max_q15", 0, 32767), ("fall_turn_q32", 0, 1 << 31))  # fmt: skip
-    return all(low <= int(p[f"drive.{name}"]) <= high for name, low, high in within)
+    return all(low <= p[f"drive.{name}"] <= high for name, low, high in within)
 
 
 PLAUSIBLE = plausibility.Bounds(

@@ -7,60 +7,63 @@ from dataclasses import dataclass
 
 from plumb.kernels.fixed import kernels, plausibility, validity
 from plumb.kernels.fixed.kernels import KalmanState, Params, PidState
-from plumb.kernels.integers import Integer, clamp, select, wrap_i32
+from plumb.kernels.integers import clamp, wrap_i32
 
-FLAG_COMMAND_LIMITED = 1 << 3
+FLAG_GYRO_CLAMPED, FLAG_ACCEL_Y_CLAMPED, FLAG_ACCEL_Z_CLAMPED, FLAG_COMMAND_LIMITED = (1 << bit for bit in range(4))
 
 
 @dataclass(slots=True)
 class ControlState:
     kalman: KalmanState
     pid: PidState
-    rate_turnps_q28: Integer = 0
-    clamped_steps: Integer = 0
+    rate_turnps_q28: int = 0
+    clamped_steps: int = 0
     step: int = 0
-
-
-def esc(command_q22: Integer, p: Params) -> tuple[Integer, Integer]:
-    """Pulses of the two opposing motors in half-microseconds."""
-    d = ((command_q22 >> 6) * p["esc.span_halfus"] + (1 << 15)) >> 16
-    mid, low, high = p["esc.mid_halfus"], p["esc.min_halfus"], p["esc.max_halfus"]
-    return clamp(mid + d, low, high), clamp(mid - d, low, high)
 
 
 def control_init(p: Params) -> ControlState:
     return ControlState(kernels.kalman_init(p), PidState())
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_turn_q32: Integer) -> tuple[Integer, ...]:
-    """One step; returns the values of the record's words, in order."""
-    c.step += 1
-    previous = c.rate_turnps_q28
-    rate, gyro_clamped = kernels.calibrate(raw[0], p, "gyro")
-    accel_y, y_clamped = kernels.calibrate(raw[1], p, "accel")
-    accel_z, z_clamped = kernels.calibrate(raw[2], p, "accel_up")
-    c.rate_turnps_q28 = rate
-    u = rate if c.step == 1 else kernels.driving_rate(p, rate, previous)
-    measured = kernels.tilt(accel_y, accel_z, p)
-    variance = kernels.trust(accel_y, accel_z, p)
-    k, pid = c.kalman, c.pid
-    kernels.kalman_step(k, p, variance, measured, u)
+def pulses(p: Params, command_q22: int) -> tuple[int, int]:
+    """Pulses of the two opposing motors in half-microseconds."""
+    mid, low, high = p["esc.mid_halfus"], p["esc.min_halfus"], p["esc.max_halfus"]
+    thrust = ((command_q22 >> 6) * p["esc.span_halfus"] + (1 << 15)) >> 16
+    return clamp(mid + thrust, low, high), clamp(mid - thrust, low, high)
 
+
+def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_turn_q32: int) -> tuple[int, ...]:
+    """One step; returns the values of the record's words, in order."""
+    k, pid = c.kalman, c.pid
+    rate, gyro_clamped = kernels.calibration_apply(p, "gyro", raw[0])
+    accel_y, y_clamped = kernels.calibration_apply(p, "accel", raw[1])
+    accel_z, z_clamped = kernels.calibration_apply(p, "accel_up", raw[2])
+    driving = kernels.driving_rate(p, c.step == 0, rate, c.rate_turnps_q28)
+    c.step += 1
+    c.rate_turnps_q28 = rate
+    flags = (
+        (FLAG_GYRO_CLAMPED if gyro_clamped else 0)
+        | (FLAG_ACCEL_Y_CLAMPED if y_clamped else 0)
+        | (FLAG_ACCEL_Z_CLAMPED if z_clamped else 0)
+    )
+    if flags:
+        c.clamped_steps += 1
+
+    variance = kernels.tilt_variance(p, accel_y, accel_z)
+    measured = kernels.tilt_angle(p, accel_y, accel_z)
+
+    kernels.kalman_step(k, p, variance, measured, driving)
     tilt_turn_q32, bias = kernels.kalman_tilt(k), kernels.kalman_bias(k, p)
     rate_corrected = rate - bias
     error = wrap_i32(setpoint_turn_q32 - tilt_turn_q32)
+
     kernels.pid_step(pid, p, error, rate_corrected)
-    pulse = esc(pid.command_q22, p)
-    clamped = gyro_clamped | y_clamped << 1 | z_clamped << 2
-    c.clamped_steps = c.clamped_steps + select(clamped != 0, 1, 0)
-    flags = clamped | select(pid.excess_q22 != 0, FLAG_COMMAND_LIMITED, 0)
+    pulse_halfus = pulses(p, pid.command_q22)
+    if pid.excess_q22 != 0:
+        flags |= FLAG_COMMAND_LIMITED
     return (
-        *raw, setpoint_turn_q32, rate, accel_y, accel_z, measured, variance,
-        k.tilt_turn_q61, k.bias_turn_q61, k.p00, k.p01, k.p11, k.p11_frac_q30,
-        k.innovation_turn_q32, k.k0_q29, k.k1_q29,
-        tilt_turn_q32, bias, rate_corrected, c.clamped_steps,
-        pid.integral_q54, pid.command_q22, pid.rate_filtered_turnps_q27, pid.excess_q22, error,
-        *pulse, flags, c.step,
+        *raw, setpoint_turn_q32, rate, accel_y, accel_z, measured, variance, *k.words(),
+        tilt_turn_q32, bias, rate_corrected, c.clamped_steps, *pid.words(), *pulse_halfus, flags, c.step,
     )  # fmt: skip
 
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from plumb.kernels.integers import mul, wrap_i32
 from plumb.spec.records import Words
 from plumb.systems.blackbox import PID_UNITS, STICK_UNITS, THROTTLE_LOW, THROTTLE_UNITS, Cells
 from plumb.systems.quadrotor.fixed import FLIES, LEVELS, LOST
@@ -25,12 +24,12 @@ def columns(words: Words, before: Words, params: ControlParams, /) -> Mapping[st
     for axis, name in enumerate(AXES):
         rate, asked = words[f"rate_turnps_q28_{axis}"], words[f"asked_turnps_q28_{axis}"]
         error = (asked >> 1) - (rate >> 1)
-        change = wrap_i32((rate >> 1) - before[f"{name}_rate_filtered_turnps_q27"])
+        change = ((rate >> 1) - before[f"{name}_rate_filtered_turnps_q27"]).astype(np.int32).astype(np.int64)
         terms = {
-            "P": mul(error, params[f"rate_{name}.kp_q29"]),
+            "P": error * params[f"rate_{name}.kp_q29"] >> 32,
             "I": words[f"{name}_integral_q30"] >> 6,
-            "D": -2 * mul(change, params[f"rate_{name}.kd_q28"]),
-            "F": mul(asked >> 1, params[f"rate_{name}.ff_q29"]),
+            "D": -2 * (change * params[f"rate_{name}.kd_q28"] >> 32),
+            "F": (asked >> 1) * params[f"rate_{name}.ff_q29"] >> 32,
         }
         found |= {f"axis{term}[{axis}]": values * (PID_UNITS / 2**24) for term, values in terms.items()}
         found[f"gyroADC[{axis}]"] = rate * DEG_PER_Q28

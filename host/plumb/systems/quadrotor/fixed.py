@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 
 from plumb.kernels.fixed import takeoff, validity
 from plumb.kernels.fixed.kernels import Params
-from plumb.kernels.fixed.rate_loop import Conditions, RateLoopState, rate_loop_step
+from plumb.kernels.fixed.rate_loop import RateLoopMode, RateLoopState, rate_loop_step
 from plumb.kernels.integers import Integer, clamp, mul, select
 from plumb.spec import declarations
 from plumb.systems.attitude import fixed as attitude
@@ -99,9 +99,15 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     rate_max, slow = p["quadrotor.tilt_rate_max_q28"], p["quadrotor.unsure_rate_q28"]
     error, asked = ask(p, sticks, levels, a.up, select(unsure & (slow < rate_max), slow, rate_max))
     touches = f.carried_blocks >= TOUCHED_BLOCKS
-    shared = Conditions(p["quadrotor.d_alpha_q31"], p["quadrotor.integral_max_q30"], flies, landed, touches)
+    if not flies:
+        mode = RateLoopMode.OFF
+    elif landed:
+        mode = RateLoopMode.GROUNDED
+    else:
+        mode = RateLoopMode.HELD if touches else RateLoopMode.FLYING
+    alpha, most = p["quadrotor.d_alpha_q31"], p["quadrotor.integral_max_q30"]
     for name, loop, wanted, rate in zip(AXES, c.loops, asked, a.rate, strict=True):
-        rate_loop_step(loop, p, f"rate_{name}", shared, wanted, rate)
+        rate_loop_step(loop, p, f"rate_{name}", alpha, most, wanted, rate, mode)
     mixed = mix(p, flies, landed == 0, f.throttle, [loop.demand_q24 for loop in c.loops])
     least = clamp(p["quadrotor.idle_q24"] >> 9, 1, THROTTLE_MAX_Q15)
     c.collective = select(flies, clamp(f.throttle, least, THROTTLE_MAX_Q15), 0 * least)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from plumb.kernels.fixed import kernels, plausibility
 from plumb.kernels.fixed.kernels import Params, PidState
-from plumb.kernels.fixed.rate_loop import Conditions, RateLoopState, rate_loop_step
-from plumb.kernels.integers import Integer, clamp, mul, select, wrap_i32
+from plumb.kernels.fixed.rate_loop import RateLoopMode, RateLoopState, rate_loop_step
+from plumb.kernels.integers import INT32_MAX, Integer, clamp, mul, select, wrap_i32
 from plumb.spec import declarations
 from plumb.systems.balancer import fixed as balancer
 
@@ -237,16 +237,16 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.sum = both(c, p, left, right, rate)
     zero = 0 * raw[LEFT]
     one_wheel = (raw[GYRO], raw[ACCEL_X], raw[ACCEL_Z], wrap_i16(b.hall + c.sum), zero, zero)
-    b.blind = select(blind | odd, 1, 0)
-    has, most = b.velocity_mps_q26, p["wheels.slip_mps_q26"]
+    b.blind = bool(blind | odd)
+    has, most = b.wheel.velocity_mps_q26, p["wheels.slip_mps_q26"]
     record = balancer.control_step(b, p, one_wheel, select(slips, clamp(asked, has - most, has + most), asked))
     c.up, c.tilt, duty = record[BALANCER_UP], record[BALANCER_TILT], record[BALANCER_DUTY]
 
     flags = record[-2] | turn_flags | doubt(c, p, record, (left, right), on)
     c.stop_reason = stop_reason = stopped_by(c, flags, on, blind)
     drives = on & (stop_reason == 0)
-    shared = Conditions((1 << 31) - 1, p["wheels.integral_max_q30"], drives, landed=slips != 0)
-    rate_loop_step(c.turn, p, "turn", shared, asked_turn, rate)
+    mode = (RateLoopMode.GROUNDED if slips else RateLoopMode.FLYING) if drives else RateLoopMode.OFF
+    rate_loop_step(c.turn, p, "turn", INT32_MAX, p["wheels.integral_max_q30"], asked_turn, rate, mode)
     full = p["drive.duty_max_q15"]
     duty = clamp(select(slips, 2 * duty, duty), -full, full)
     room = full - abs(duty)
