@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-Integer = Any
+Integer = Any  # Any: an int; the systems that say so still come to say int
 
 INT32_MIN, INT32_MAX, UINT32_MAX = -(1 << 31), (1 << 31) - 1, (1 << 32) - 1
 INT64_MIN, INT64_MAX = -(1 << 63), (1 << 63) - 1
@@ -96,5 +96,5 @@ def mul(a: int, b: int) -> int:
     return (a * b) >> 32
 
 
-def select(condition: Any, yes: Any, no: Any) -> Any:
+def select(condition: Any, yes: Any, no: Any) -> Any:  # Any: an int, or a whole quaternion
     return yes if condition else no
