@@ -214,8 +214,8 @@ def test_one_wrong_bit_of_a_file_is_named(small: Path, what: str) -> None:
 def test_a_model_that_differs_is_told_by_its_signal(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The file has digests alone: the C core, which repeats them, says which word the model has wrong."""
     module = importlib.import_module("plumb.systems.quad.fixed")
-    esc = module.esc
-    monkeypatch.setattr(module, "esc", lambda command, p: (esc(command, p)[0], esc(command, p)[1] + 1))
+    pulses = module.pulses
+    monkeypatch.setattr(module, "pulses", lambda p, command: (pulses(p, command)[0], pulses(p, command)[1] + 1))
     with open_board("fixed") as fixed, open_board("native") as native:
         result = golden.check(fixed, small)
         assert golden.check(native, small).verdict == "pass"
