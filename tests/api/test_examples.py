@@ -27,5 +27,5 @@ def test_an_example_prints_what_it_says(path: Path, tmp_path: Path) -> None:
     assert wanted and done.stdout.splitlines() == wanted
 
 
-def test_there_are_eight() -> None:
-    assert len(EXAMPLES) == 8
+def test_there_are_nine() -> None:
+    assert len(EXAMPLES) == 9

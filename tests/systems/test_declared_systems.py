@@ -229,8 +229,8 @@ def test_a_toy_system_is_listed_with_what_it_can_be_asked_for(toy: Plumb) -> Non
     assert "toy: a low-pass of one count, for tests" in toy("systems").stdout
     assert "toy" in toy("--help").stdout
     presets = toy("systems", "--system", "toy").stdout
-    assert "jumps" in presets and "it has no figures" in presets and "noise and how" not in presets
-    assert toy("systems", "--table", "--system", "toy").stdout.startswith("toy has no figures: ")
+    assert "jumps" in presets and "no target figures are declared" in presets and "noise and how" not in presets
+    assert toy("systems", "--table", "--system", "toy").stdout.startswith("no target figures are declared for toy ")
 
 
 def test_a_command_of_a_toy_system_is_one_of_plumbs(toy: Plumb) -> None:

@@ -1,1 +1,1 @@
-"""The public Python API. Its names are those of `plumb`: `plumb.connect`, `plumb.run`, `plumb.Estimator`, ..."""
+"""The public Python API: what `plumb.connect`, `plumb.run`, `plumb.Estimator` and the other names of `plumb` are."""

@@ -37,6 +37,7 @@ sources compiled for them."""
 DEFAULT_CORE = "m3"
 IMAGES, WHOLE = Path("build/stm32f103"), Path("build/qemu")
 """Programs of the systems of `all`, and of every system, where `all` leaves one out."""
+INPUT = "plumb-in.bin"
 MAGIC_IN = 0x49424C50
 MAGIC_OUT = 0x4F424C50
 SAMPLE_DTYPE = np.dtype([("raw", "<i2", dbc.inputs_most()), ("setpoint", "<i4")], align=True)
@@ -50,6 +51,18 @@ _EXIT_REASONS = {
     13: "it could not write its output",
     14: "it took a processor fault",
 }
+
+
+def input_file(params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> bytes:
+    """What the program reads: each part of the run with the parameter words that hold in it, then its samples."""
+    samples = np.zeros(len(raw), SAMPLE_DTYPE)
+    inputs, samples["setpoint"] = check_inputs(params.system, raw, setpoint)
+    samples["raw"][:, : inputs.shape[1]] = inputs
+    given = [struct.pack("<3I", MAGIC_IN, len(params.words()), 1 + len(changes))]
+    for part, now in parts_of(params, changes, len(raw)):
+        words = [word & 0xFFFF_FFFF for word in now.words()]
+        given += [struct.pack(f"<I{len(words)}I", part.stop - part.start, *words), samples[part].tobytes()]
+    return b"".join(given)
 
 
 def image_name(core: str = DEFAULT_CORE) -> str:
@@ -122,6 +135,10 @@ class QemuBoard(Board):
         self._command = [program, "-M", MACHINES[core], "-icount", "shift=5", "-nographic"]
         self._command += ["-semihosting-config", "enable=on,target=native", "-kernel"]
 
+    def command(self, system: str) -> list[str]:
+        """The command that runs a system's program; it reads INPUT from the folder in which it is started."""
+        return [*self._command, str(self._program(system))]
+
     def _program(self, system: str) -> Path:
         """The ELF file that runs a system; where none was named, the one of every system where `all` leaves it out."""
         left_out = not self._named and system in images.beside_all()
@@ -141,17 +158,10 @@ class QemuBoard(Board):
 
     def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
         steps = len(raw)
-        samples = np.zeros(steps, SAMPLE_DTYPE)
-        inputs, samples["setpoint"] = check_inputs(params.system, raw, setpoint)
-        samples["raw"][:, : inputs.shape[1]] = inputs
-        given = [struct.pack("<3I", MAGIC_IN, len(params.words()), 1 + len(changes))]
-        for part, now in parts_of(params, changes, steps):
-            words = [word & 0xFFFF_FFFF for word in now.words()]
-            given += [struct.pack(f"<I{len(words)}I", part.stop - part.start, *words), samples[part].tobytes()]
         with tempfile.TemporaryDirectory(prefix="plumb-qemu-") as temporary:
             folder = Path(temporary)
-            (folder / "plumb-in.bin").write_bytes(b"".join(given))
-            code = _run([*self._command, str(self._program(params.system))], folder, START_UP_S + steps * 1e-3)
+            (folder / INPUT).write_bytes(input_file(params, changes, raw, setpoint))
+            code = _run(self.command(params.system), folder, START_UP_S + steps * 1e-3)
             if code:
                 raise UsageError(f"the QEMU image stopped: {_EXIT_REASONS[code]}")
             return self._answer((folder / "plumb-out.bin").read_bytes(), steps, params.system)

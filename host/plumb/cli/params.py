@@ -47,12 +47,8 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from plumb.cli import options
-
-if TYPE_CHECKING:
-    pass
 
 VERBS = ("list", "get", "set", "tuning", "save", "load", "reset", "dump", "edit", "diff", "undo", "profile")
 

@@ -79,7 +79,7 @@ def main(arguments: argparse.Namespace) -> int:
         if rows:
             print(figures.render(rows, short=arguments.short, colour=sys.stdout.isatty()))
         for name in figures.without_figures(names):
-            print(f"{name} has no figures: nothing was asked of it (systems/{name}/figures.py)")
+            print(f"no target figures are declared for {name} (judging/{name}/figures.py)")
     judged = [row for _, row in rows if seeds == figures.SEEDS or not row.of_scenario]
     return ExitCode.GOOD if all(row.met for row in judged) else ExitCode.BAD_VERDICT
 
@@ -152,10 +152,10 @@ def presets(name: str) -> Iterator[str]:
             yield f"{titles[option]}:"
         for key, text in texts.items():
             yield f"  {key + ('*' if key == defaults.get(option) else ''):<18}{text}".rstrip()
-        if option == "fault":
+        if option == "fault" and system.FAULT_CHANNELS:
             yield f"  {'WHAT':<18}{', '.join(system.FAULT_CHANNELS)}"
     if name in figures.without_figures([name]):
-        yield "it has no figures: nothing was asked of it"
+        yield "no target figures are declared for this system"
         return
     yield "noise and how figures are measured (seeds 0-19 to fit, 1000-1039 to report):"
     yield from (f"  {sentence}" for sentence in figures.assumed(name))

@@ -21,8 +21,9 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
 
 DRAWS = 18
+"""Unit normal numbers for the errors of one run."""
 WARM_UP_S = 30.0
-"""DRAWS: unit normal numbers for the errors of one run."""
+"""Time constant with which the gyro warms up."""
 
 
 @dataclass(frozen=True)

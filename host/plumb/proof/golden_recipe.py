@@ -36,6 +36,7 @@ from plumb.boards.contract import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.files import toml_text
 from plumb.files.input_files import read_text
+from plumb.near_names import did_you_mean
 from plumb.proof.golden_random import Draw, random_bits
 from plumb.proof.golden_reach import moved, reach
 from plumb.proof.golden_tasks import task_of
@@ -296,7 +297,8 @@ def _entry(table: Any) -> Entry:
     if table.get("kind", "step") not in ("step", *KINDS) or ("kind" in table and table.get("on_link")):
         raise ValueError(f"{name}: kind is one of step, {', '.join(KINDS)}, and those but step are not for a link")
     if table["system"] not in systems.SYSTEMS:
-        raise ValueError(f"{name}: there is no system '{table['system'][:80]}'")
+        meant = did_you_mean(table["system"], systems.SYSTEMS)
+        raise ValueError(f"{name}: there is no system '{table['system'][:80]}'{meant}")
     if not 1 <= table["steps"] <= MAX_STEPS or not 0 <= table["seed"] <= MAX_SEED:
         raise ValueError(f"{name}: steps are 1 to {MAX_STEPS}, a seed is 0 to {MAX_SEED}")
     if not 0 <= table.get("begin", 0) <= MAX_STEPS or ("begin" in table and "wild" in table):

@@ -15,6 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from plumb.errors import UsageError
+from plumb.near_names import did_you_mean
 from plumb.spec.declaration_checks import check, check_commands, check_images
 from plumb.spec.system import (
     OUTPUTS,
@@ -97,7 +98,8 @@ def system(name: str) -> System:
     """The declaration of a system; raises UsageError for an unknown name."""
     declared = systems().get(name)
     if declared is None:
-        raise UsageError(f"there is no system '{name}'; this version has {', '.join(systems())}")
+        meant, known = did_you_mean(name, systems()), ", ".join(systems())
+        raise UsageError(f"there is no system '{name}'{meant}; this version has {known}")
     return declared
 
 
@@ -158,7 +160,8 @@ def _bases(given: object, above: tuple[str, ...]) -> list[System]:
         if name in above:
             raise UsageError(f"stands_on: {name} stands on {above[-1]} already")
         if name not in places:
-            raise UsageError(f"stands_on: there is no system {name!r:.40}; there are {', '.join(sorted(places))}")
+            meant, known = did_you_mean(name, places), ", ".join(sorted(places))
+            raise UsageError(f"stands_on: there is no system {name!r:.40}{meant}; there are {known}")
     return [load_system(places[name], above) for name in given]
 
 

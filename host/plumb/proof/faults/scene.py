@@ -60,9 +60,9 @@ LINKED = "linked"
 PILOT = "pilot"
 """A feature: a pilot's receiver may arm it, and it flies."""
 RECEIVER = "receiver"
+"""In place of a host's link: what armed the scene. A host on serial listens."""
 FLOWN_WORDS = {"receiver": 1, "calibrated": 1, "battery_min_mv": 10_000}
 """Parameters of a vehicle with a pilot and a battery of three cells."""
-"""In place of a host's link: what armed the scene. A host on serial listens."""
 ARMING_S = 3.0
 """Longest time to arming, while the sensors come up and the estimate converges."""
 SWITCH_S = 0.5
