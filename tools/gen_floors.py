@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE, ORDER, PICTURE = ROOT / "host/plumb", ROOT / "tests/test_floors.py", ROOT / "docs/images/floors.svg"
-ROW, WIDTH, NAME = 26, 980, 140
+ROW, WIDTH, NAME = 26, 1060, 160
 """Height of a floor, width of the picture and of the column of names, px."""
 STYLE = (
     "text{font:14px sans-serif;fill:#1f2430}.name{font:600 14px monospace}rect{fill:#e8ebf7;stroke:#fff;stroke-width:2}"
@@ -35,7 +35,7 @@ def sentence(name: str) -> str:
     path = PACKAGE / name / "__init__.py"
     source = path if path.is_file() else PACKAGE / f"{name}.py"
     text = " ".join((ast.get_docstring(ast.parse(source.read_text(encoding="utf-8"))) or "").split())
-    return re.split(r"(?<=[a-z0-9)`])[.] ", text)[0].rstrip(".")
+    return re.split(r"(?<=[a-z0-9)`])[.] ", text)[0].rstrip(".").replace("`", "")
 
 
 def picture() -> str:
