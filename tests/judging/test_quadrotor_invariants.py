@@ -16,7 +16,7 @@ from plumb.campaign.study import from_table
 from plumb.judging.quadrotor import invariants
 from plumb.proof.runs import Run
 from plumb.spec.records import Words
-from plumb.systems.quadrotor import fixed_flight
+from plumb.systems.quadrotor import fixed_phase
 from plumb.systems.quadrotor.drawn_run import GYRO_LIES
 from plumb.systems.quadrotor.fixed import AIRBORNE
 
@@ -63,9 +63,9 @@ def without(bit: int) -> Callable[[Array], Array]:
 STOPS: dict[str, Word] = {"phase": invariants.STOPPED}
 LEANS = {"lean_deg": 41.0}
 BROKEN: dict[str, tuple[str, dict[str, Word], dict[str, float], int | None]] = {
-    "idle in the air": ("stops", {**STOPS, "stop_reason": fixed_flight.IDLE}, {}, None),
+    "idle in the air": ("stops", {**STOPS, "stop_reason": fixed_phase.IDLE}, {}, None),
     "a rotor at 0": ("stops", {"rotor_q24_2": 0}, {}, None),
-    "a runaway that is none": ("good-flight", {**STOPS, "stop_reason": fixed_flight.RUNAWAY}, {}, None),
+    "a runaway that is none": ("good-flight", {**STOPS, "stop_reason": fixed_phase.RUNAWAY}, {}, None),
     "a lean that nobody asked for": ("tilt", {}, LEANS, None),
     "a lean while it is unsure": ("calm", {"flags": flagged(invariants.UNSURE)}, LEANS, None),
     "too sure": ("sigma", {"tilt_variance_rad2_q32": 1}, {}, None),

@@ -167,7 +167,7 @@ def test_yaw_gets_what_roll_and_pitch_leave(airmode: int, left: float) -> None:
     """In the air the larger of both counts, because no rotor has both at once and yaw against them."""
     words = {**WORDS, "quadrotor.idle_q24": 0, "quadrotor.yaw_max_q24": FULL_Q24, "quadrotor.airmode": airmode}
     demand = [FULL_Q24 // 4, FULL_Q24 // 8, FULL_Q24]
-    mixed = mix(words, flies=True, may_fly=True, throttle=1 << 14, demand=demand)
+    mixed = mix(words, 1 << 14, demand, free=bool(airmode))
     assert mixed.excess == [0, 0, FULL_Q24 - left * FULL_Q24]
     assert max(mixed.rotors) == FULL_Q24
     assert min(mixed.rotors) == (0 if airmode else FULL_Q24 // 4)
@@ -176,7 +176,7 @@ def test_yaw_gets_what_roll_and_pitch_leave(airmode: int, left: float) -> None:
 def test_rounding_takes_no_rotor_below_idle() -> None:
     """Both shares are rounded away from zero here: together they are one unit more than there is."""
     words = {**WORDS, "quadrotor.idle_q24": FULL_Q24 - 16_000_000, "quadrotor.airmode": 1}
-    mixed = mix(words, flies=True, may_fly=True, throttle=1 << 14, demand=[-6_399_997, -6_400_002, 0])
+    mixed = mix(words, 1 << 14, [-6_399_997, -6_400_002, 0], free=True)
     assert mixed.excess == [3_999_999 - 6_399_997, 4_000_002 - 6_400_002, 0]
     assert (max(mixed.rotors), min(mixed.rotors)) == (FULL_Q24, words["quadrotor.idle_q24"])
 
@@ -186,15 +186,13 @@ def test_mixer_keeps_its_promises_for_any_demand() -> None:
     what the axes got is what the rotors do, but for two units that rounding may take."""
     rng = np.random.default_rng(5)
     idle = rng.choice([0, 1, 838861, 1 << 22], MIXES)
-    airmode, yaw_max = rng.integers(0, 2, MIXES), rng.integers(0, FULL_Q24, MIXES, endpoint=True)
+    yaw_max, free = rng.integers(0, FULL_Q24, MIXES, endpoint=True), rng.random(MIXES) < 0.25
     throttle, size = rng.choice([0, 1, 2000, 16000, 32767], MIXES), rng.choice([300, 1 << 22, 1 << 25], MIXES)
     demand = np.array([(size * rng.uniform(-1.0, 1.0, MIXES)).astype(np.int64) for _ in AXES])
-    may_fly = rng.random(MIXES) < 0.5
     mixes = []
     for run in range(MIXES):
-        own = {"quadrotor.idle_q24": idle, "quadrotor.airmode": airmode, "quadrotor.yaw_max_q24": yaw_max}
-        words = {**WORDS, **{name: int(values[run]) for name, values in own.items()}}
-        mixes.append(mix(words, True, bool(may_fly[run]), int(throttle[run]), demand[:, run].tolist()))
+        words = {**WORDS, "quadrotor.idle_q24": int(idle[run]), "quadrotor.yaw_max_q24": int(yaw_max[run])}
+        mixes.append(mix(words, int(throttle[run]), demand[:, run].tolist(), bool(free[run])))
     thrust, tilt_limited, yaw_limited = (
         np.array([getattr(one, name) for one in mixes]) for name in ("thrust", "tilt_limited", "yaw_limited")
     )

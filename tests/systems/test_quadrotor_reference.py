@@ -15,8 +15,7 @@ from plumb.spec.tuning import Channel
 from plumb.systems import run_fixed
 from plumb.systems.attitude import reference as attitude_reference
 from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Motion
-from plumb.systems.quadrotor import fixed as fixed_step
-from plumb.systems.quadrotor import reference
+from plumb.systems.quadrotor import fixed_mixer, reference
 from plumb.systems.quadrotor.reference_rates import error_of_vertical
 from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains, Rates, Receiver
 from plumb.tuning.quantise import dequantise, quantise
@@ -92,12 +91,14 @@ def test_error_of_the_vertical_is_that_of_float64_in_any_attitude() -> None:
     up /= np.linalg.norm(up, axis=1)[:, None]
     sticks = rng.choice([-32767, 0, 9000, 32767], (4000, 2))
     up_q30 = np.rint(up * 2.0**30).astype(np.int64)
-    columns = {name: np.full(4000, value) for name, value in words.items()}
-    found = np.array(fixed_step.error_of_vertical(columns, sticks[:, 0], sticks[:, 1], list(up_q30.T)))
+    demands = ((roll, pitch, 0) for roll, pitch in sticks.tolist())
+    found = np.array([
+        fixed_mixer.ask(words, one, stick, True, 0)[0] for one, stick in zip(up_q30.tolist(), demands, strict=True)
+    ])  # fmt: skip
     sine = words["quadrotor.tilt_max_q30"] / 2.0**30
     leans = (sticks / 2.0**15 * sine).tolist()
     wanted = np.array([error_of_vertical((x, y), one) for (x, y), one in zip(leans, up, strict=True)])
-    off = np.abs(found.T / 2.0**28 - wanted).max(axis=1)
+    off = np.abs(found / 2.0**28 - wanted).max(axis=1)
     assert off.max() < 2.0 * (2.0**-12 + 2.0**-14)
     assert off[np.linalg.norm(wanted, axis=1) < 0.9].max() < 2.0**-25, "a sine: nothing is divided"
     assert (np.abs(wanted[:, 1]) == 2.0).any()

@@ -21,7 +21,7 @@ from plumb.proof.runs import Run
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.systems.contracts import Scenario
 from plumb.systems.quadrotor import courses
-from plumb.systems.quadrotor import fixed_flight as reasons
+from plumb.systems.quadrotor import fixed_phase as reasons
 from plumb.systems.quadrotor.drawn_run import ACCEL_LIES, GYRO_LIES
 from plumb.systems.quadrotor.fixed import AIRBORNE, FLIES, LEVELS, TILT_LIMITED, YAW_LIMITED
 from plumb.systems.quadrotor.vehicle import ROTORS_ON

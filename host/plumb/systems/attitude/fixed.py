@@ -1,7 +1,6 @@
 """`attitude` in integers: counts of six channels to a quaternion (docs/reference/arithmetic/attitude.md).
 
-The functions have the names of that page. A branch that few steps take is a function of the state alone: with arrays,
-`in_runs` does it for the runs that take it.
+The functions have the names of firmware/systems/attitude.c.
 """
 
 from __future__ import annotations
@@ -9,240 +8,140 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from plumb.kernels.fixed import mounting, validity
-from plumb.kernels.fixed.kernels import Params, calibrate
+from plumb.kernels.fixed.kernels import Params, calibration_apply
 from plumb.kernels.fixed.mounting import mount
-from plumb.kernels.integers import Integer, clamp, mul, select, wrap_i32
-from plumb.systems.attitude.fixed_covariance import (
-    AXES,
-    HORIZONTAL,
-    VARIANCE_MAX_Q32,
-    VELOCITY_Q28,
-    sat32,
-)
-from plumb.systems.attitude.fixed_flight import MAYBE_LANDED_BLOCKS, follow_flight
-from plumb.systems.attitude.fixed_gaps import (
-    BRIDGED_MAX_Q18,
-    LONGEST_RUN,
-    VELOCITY_ADDED_MAX_Q26,
-    bridge,
-    count_clipped,
-)
-from plumb.systems.attitude.fixed_shock import RESTED, note_turn, travels
-from plumb.systems.attitude.fixed_slices import LONG_RESTS, compute_slice, travel_square
+from plumb.kernels.integers import clamp, mulhi_i32, wrap_i32
+from plumb.systems.attitude.fixed_block import close_block, compute_slice
+from plumb.systems.attitude.fixed_gaps import NO_SAMPLE, add_force, along, bridge, count_clipped
 from plumb.systems.attitude.fixed_state import (
     ACCEL_CLIPPED,
-    AIRBORNE,
-    ALIGNING,
-    FALLING,
     GYRO_CLIPPED,
-    JUDGED,
+    HALF_LIMIT_Q30,
+    LONGEST_RUN,
     MISSING,
-    REST,
-    SUMS,
-    UNSURE,
+    SIXTH_Q32,
+    SLICE_NONE,
     ControlState,
-    clear,
     control_init,
-    in_runs,
 )
-from plumb.systems.attitude.fixed_turns import align, matrix, turn_body
+from plumb.systems.attitude.fixed_turns import align, matrix_of, turn_body
 
-__all__ = ["control_init", "control_step"]
+__all__ = ["control_init", "control_step", "control_valid"]
 
-NO_SAMPLE = -32768
-I32 = (1 << 31) - 1
-HALF_ANGLE_MAX_Q30 = 461708984
-SIXTH_Q32 = 715827883
-ALIGN_LEAST_G_Q24, ALIGN_LEAST_GS_Q26, ALIGN_BLOCKS = 1258291, 1 << 20, 4
+ALIGN_LEAST_G_Q24 = 1258291
+"""0.15 g, half of it: below it an acceleration tells no direction."""
 CLIPPED = GYRO_CLIPPED | ACCEL_CLIPPED
-BY_TURN_MAX_Q32 = 1 << 30
-TRAVEL_SQUARE_MAX_Q24 = 1 << 29
-"""Of a velocity of +-4 g s in both axes."""
 
 
-def coned(c: ControlState) -> list[Integer]:
-    """The half angles of the step, with coning: plus a sixth of those of the step before, times (cross) these."""
-    h, s = c.half, c.half_sixth
-    return [h[i] + mul(s[i - 2], h[i - 1]) - mul(s[i - 1], h[i - 2]) for i in AXES]
+def sense(p: Params, group: str, raw: Sequence[int]) -> tuple[tuple[int, int, int], bool]:
+    """Calibrated values of one sensor in the body's axes, and whether one of them was at its limit."""
+    x, x_clamped = calibration_apply(p, group, raw[0])
+    y, y_clamped = calibration_apply(p, group, raw[1])
+    z, z_clamped = calibration_apply(p, group, raw[2])
+    clamped = x_clamped or y_clamped or z_clamped
+    if not p["attitude.mounted"]:
+        return (x, y, z), clamped
+    mounted, limited = mount(p, f"{group}_mounting", (x, y, z))
+    return mounted, clamped or limited
 
 
-def first_sample(c: ControlState, p: Params) -> None:
-    x, y, z = (value >> 1 for value in c.accel)
-    half = align(c, x, y, z, ALIGN_LEAST_G_Q24)
-    c.started = select(half >= ALIGN_LEAST_G_Q24, 1, 0)
-    remember(c)
-    c.half_mean = list(c.half)
+def corrected(c: ControlState, axis: int, rate_q28: int) -> int:
+    """Rate of one axis, less bias and scale error."""
+    return rate_q28 - (c.bias_turnps_q32[axis] >> 4) - mulhi_i32(c.scale_q32[axis], rate_q28)
 
 
-def remember(c: ControlState) -> None:
-    """What the next step needs of this one."""
-    c.half_sixth = [mul(angle, SIXTH_Q32) for angle in c.half]
-    c.accel_sixth = [mul(value, SIXTH_Q32) for value in c.accel]
+def half_angle(rate_q28: int, per_rate: int) -> int:
+    """Half the angle that a rate turns in a step, rad Q32, within 1/2."""
+    return clamp(mulhi_i32(rate_q28, per_rate), -HALF_LIMIT_Q30, HALF_LIMIT_Q30) * 4
 
 
-def sense(p: Params, raw: Sequence[Integer], group: str) -> tuple[list[Integer], Integer]:
-    """Calibrated values of one sensor in the body's axes, and 1 where one of them was at its limit, else 0."""
-    (x, at_x), (y, at_y), (z, at_z) = (calibrate(count, p, group) for count in raw)
-    turned, over = mount(p, f"{group}_mounting", (x, y, z))
-    mounted = p["attitude.mounted"] == 1
-    values = [select(mounted, new, old) for new, old in zip(turned, (x, y, z), strict=True)]
-    return values, at_x | at_y | at_z | select(mounted, int(over), 0)
+def take_sample(c: ControlState, p: Params, raw: Sequence[int]) -> int:
+    """Rate and acceleration of a sample, in body axes; returns flags."""
+    (rx, ry, rz), gyro_clipped = sense(p, "gyro", raw[:3])
+    (ax, ay, az), accel_clipped = sense(p, "accel", raw[3:])
+    c.accel_g_q25 = [ax >> 1, ay >> 1, az >> 1]
+    c.rate_turnps_q28 = [corrected(c, 0, rx), corrected(c, 1, ry), corrected(c, 2, rz)]
+    return (GYRO_CLIPPED if gyro_clipped else 0) | (ACCEL_CLIPPED if accel_clipped else 0)
 
 
-def sample(c: ControlState, p: Params, raw: Sequence[Integer]) -> Integer:
-    """Rates, accelerations and half angles of the counts; returns the flags of the step."""
-    last = c.block_step + 1 == p["attitude.block_steps"]
-    missing = (raw[0] == NO_SAMPLE) | (last & (c.gap != 0))
-    rates, gyro_clipped = sense(p, raw[:3], "gyro")
-    forces, accel_clipped = sense(p, raw[3:], "accel")
-    marked = (raw[3] == NO_SAMPLE) & (raw[4] == NO_SAMPLE) & (raw[5] == NO_SAMPLE)
-    rates_alone = (marked | (c.accel_run >= 2 * p["attitude.block_steps"])) & (accel_clipped != 0)
-    unknown = select(missing, c.velocity_added, VELOCITY_ADDED_MAX_Q26)
-    c.velocity_added = select(rates_alone, unknown, c.velocity_added)
-    for i in AXES:
-        upwards = select(c.started != 0, c.up[i] >> 5, 0)
-        c.accel[i] = select(missing, c.accel[i], select(rates_alone, upwards, forces[i] >> 1))
-        corrected = rates[i] - (c.bias[i] >> 4) - mul(c.scale[i], rates[i])
-        c.rate[i] = select(missing, c.rate[i], corrected)
-        half = mul(c.rate[i], p["attitude.half_angle"])
-        c.half[i] = 4 * clamp(half, -HALF_ANGLE_MAX_Q30, HALF_ANGLE_MAX_Q30)
-    c.missing_steps = c.missing_steps + select(missing, 1, 0)
-    c.gap = select(missing, clamp(c.gap + 1, 0, LONGEST_RUN), c.gap)
-    return select(missing, MISSING, gyro_clipped * GYRO_CLIPPED | accel_clipped * ACCEL_CLIPPED)
+def sixths(values: Sequence[int]) -> list[int]:
+    return [mulhi_i32(value, SIXTH_Q32) for value in values]
 
 
-def force_of(c: ControlState) -> list[Integer]:
-    """Mean acceleration of the step in the body axes of its end, with sculling, g Q25."""
-    h, a, b = c.half, c.accel, c.accel_sixth
-    e = [wrap_i32(c.half_sixth[i] - h[i]) for i in AXES]
-    force = []
-    for i in AXES:
-        j, k = (i + 1) % 3, (i + 2) % 3
-        force.append(a[i] + mul(e[j], a[k]) - mul(e[k], a[j]) + mul(b[j], h[k]) - mul(b[k], h[j]))
-    return force
+def add_row(rows: list[int], turned: list[int], m: Sequence[int], half: Sequence[int]) -> None:
+    """One row of the attitude's matrix into the coupling of the block."""
+    for j in range(3):
+        rows[j] += m[j] >> 8
+        turned[j] += mulhi_i32(m[j], half[j]) >> 2
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: Integer) -> tuple[Integer, ...]:
+def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step; returns the values of the record's words, in order."""
-    c.step, c.thrust = c.step + 1, setpoint
-    c.flags = flags = sample(c, p, raw)
-    sampled = flags != MISSING
-    bridged = sampled & (c.gap != 0)
-    c.bridged_force = [0 * c.gap for _ in AXES]
-    in_runs(c, p, bridged, bridge)
-    in_runs(c, p, sampled & (((flags & CLIPPED) != 0) | (c.gyro_run != 0) | (c.accel_run != 0)), count_clipped)
-    in_runs(c, p, c.started == 0, first_sample)
+    c.thrust_q15 = setpoint
+    c.step += 1
 
-    force, turn = force_of(c), coned(c)
-    remember(c)
-    c.energy = c.energy + (turn_body(c, turn) >> 6)
-    m, h = matrix(c.attitude), c.half
-    for i in AXES:
-        added = clamp(sat32(c.force_sum[i] + along(m[i], c.bridged_force)), -BRIDGED_MAX_Q18, BRIDGED_MAX_Q18)
-        c.force_sum[i] = select(bridged, added, c.force_sum[i]) + (along(m[i], force) >> 5)
-        c.half_sum[i] = wrap_i32(c.half_sum[i] + h[i])
-        c.moved = c.moved | (abs(wrap_i32(h[i] - c.half_mean[i])) > p["attitude.rest_gyro"])
-    aided = p["attitude.aid_s_q24"] != 0
-    for i in HORIZONTAL:
-        c.thrust_sum[i] = c.thrust_sum[i] + select(aided, mul(m[i][2], force[2]) >> 5, 0)
-        for j in AXES:
-            c.rows_sum[3 * i + j] = c.rows_sum[3 * i + j] + (m[i][j] >> 8)
-            c.turned_sum[3 * i + j] = c.turned_sum[3 * i + j] + (mul(m[i][j], h[j]) >> 2)
+    flags = MISSING
+    last = c.block_step + 1 == p["attitude.block_steps"]
+    if raw[0] == NO_SAMPLE or (c.gap_steps != 0 and last):
+        c.missing_steps += 1
+        c.gap_steps = min(c.gap_steps + 1, LONGEST_RUN)
+    else:
+        flags = take_sample(c, p, raw)
+    half = hx, hy, hz = [half_angle(rate, p["attitude.half_angle"]) for rate in c.rate_turnps_q28]
+    if flags & CLIPPED or c.gyro_clipped_steps or c.accel_clipped_steps:
+        count_clipped(c, p, raw, flags, half)
+    ax, ay, az = c.accel_g_q25
+    bridged = c.gap_steps != 0 and flags != MISSING
+    force_g_q20 = bridge(c, p, half) if bridged else [0, 0, 0]
+    if not c.started:
+        length = align(c.attitude, ax >> 1, ay >> 1, az >> 1, ALIGN_LEAST_G_Q24)
+        c.started = length >= ALIGN_LEAST_G_Q24
+        c.half_sixth_q32, c.accel_sixth_q25 = sixths(half), sixths(c.accel_g_q25)
+        c.half_mean_q32 = list(half)
 
-    in_runs(c, p, bridged == 0, compute_slice)
-    c.block_step = c.block_step + 1
-    in_runs(c, p, c.block_step == p["attitude.block_steps"], close_block)
-    c.up = matrix(c.attitude)[2]
+    # the mean acceleration of the step, with sculling; then coning
+    sx, sy, sz = c.half_sixth_q32
+    ex, ey, ez = wrap_i32(sx - hx), wrap_i32(sy - hy), wrap_i32(sz - hz)
+    bx, by, bz = c.accel_sixth_q25
+    fx = ax + mulhi_i32(ey, az) - mulhi_i32(ez, ay) + mulhi_i32(by, hz) - mulhi_i32(bz, hy)
+    fy = ay + mulhi_i32(ez, ax) - mulhi_i32(ex, az) + mulhi_i32(bz, hx) - mulhi_i32(bx, hz)
+    fz = az + mulhi_i32(ex, ay) - mulhi_i32(ey, ax) + mulhi_i32(bx, hy) - mulhi_i32(by, hx)
+    turn_x = hx + mulhi_i32(sy, hz) - mulhi_i32(sz, hy)
+    turn_y = hy + mulhi_i32(sz, hx) - mulhi_i32(sx, hz)
+    turn_z = hz + mulhi_i32(sx, hy) - mulhi_i32(sy, hx)
+    c.half_sixth_q32, c.accel_sixth_q25 = sixths(half), sixths(c.accel_g_q25)
+
+    c.energy_q24 += turn_body(c.attitude, turn_x, turn_y, turn_z) >> 6
+    m = matrix_of(c.attitude)
+    if bridged:
+        add_force(c, m, force_g_q20)
+    for i in range(3):
+        c.force_sum_q18[i] += along(m[i], fx, fy, fz) >> 5
+    if p["attitude.aid_s_q24"] != 0:
+        c.thrust_sum_q18[0] += mulhi_i32(m[0][2], fz) >> 5
+        c.thrust_sum_q18[1] += mulhi_i32(m[1][2], fz) >> 5
+    add_row(c.rows_sum_q22[0], c.turned_sum_q28[0], m[0], half)
+    add_row(c.rows_sum_q22[1], c.turned_sum_q28[1], m[1], half)
+    for i in range(3):
+        c.half_sum_q32[i] = wrap_i32(c.half_sum_q32[i] + half[i])
+        if abs(wrap_i32(half[i] - c.half_mean_q32[i])) > p["attitude.rest_gyro"]:
+            c.moved = True
+
+    turned = c.slice != SLICE_NONE and not bridged and compute_slice(c, p)
+    c.block_step += 1
+    if c.block_step == p["attitude.block_steps"]:
+        turned |= close_block(c, p)
+    c.up_q30 = (matrix_of(c.attitude) if turned else m)[2]
+    c.flags = flags | c.block_flags
     return (
-        *raw, setpoint, *c.rate, *c.accel, *c.attitude, *c.up, *c.bias, *c.scale, *c.velocity,
-        c.velocity_square, c.velocity_variance, c.tilt_variance, c.block_step, c.missing_steps,
-        flags | c.block_flags, c.step,
+        *raw, setpoint, *c.rate_turnps_q28, *c.accel_g_q25, *c.attitude, *c.up_q30, *c.bias_turnps_q32, *c.scale_q32,
+        *c.velocity_gs_q28, c.velocity_square_g2s2_q24, c.velocity_variance_g2s2_q26, c.tilt_variance_rad2_q32,
+        c.block_step, c.missing_steps, c.flags, c.step,
     )  # fmt: skip
 
 
-def along(row: Sequence[Integer], force: Sequence[Integer]) -> Integer:
-    return mul(row[0], force[0]) + mul(row[1], force[1]) + mul(row[2], force[2])
-
-
-def gained(c: ControlState, p: Params, i: int) -> Integer:
-    """Velocity that the block has gained, g s Q28."""
-    return sat32((c.force_sum[i] * p["attitude.dt_s_q33"]) >> 23)
-
-
-def close_block(c: ControlState, p: Params) -> None:
-    aligning = c.aligned_blocks < ALIGN_BLOCKS
-    in_runs(c, p, aligning == 0, note_turn)
-    for i in AXES:
-        further = abs(wrap_i32(c.force_sum[i] - c.force_before[i])) > p["attitude.rest_accel"]
-        c.moved = c.moved | further | (abs(c.half_sum[i]) > p["attitude.rest_turn"])
-        c.half_mean[i] = mul(c.half_sum[i], p["attitude.inverse_block_q32"])
-    c.force_before = list(c.force_sum)
-    blocks = p["attitude.rest_blocks"]
-    c.still_blocks = select((c.moved | c.airborne) != 0, 0, clamp(c.still_blocks + 1, 0, LONG_RESTS * blocks))
-    before, c.block_flags = c.block_flags, select(c.still_blocks >= blocks, REST, 0)
-    in_runs(c, p, aligning, align_block)
-    in_runs(c, p, aligning == 0, measure_block)
-    c.block_flags = c.block_flags | select(aligning, 0, before & JUDGED)
-    clear(c, SUMS, 0 * c.block_step)
-
-
-def align_block(c: ControlState, p: Params) -> None:
-    up = c.correction[0]
-    x, y = (sat32(c.velocity[i] + gained(c, p, i)) for i in HORIZONTAL)
-    z = sat32(up + gained(c, p, 2))
-    half = align(c, x >> 2, y >> 2, z >> 2, ALIGN_LEAST_GS_Q26)
-    c.velocity = [0 * x, 0 * y]
-    c.aligned_blocks = c.aligned_blocks + 1
-    done = c.aligned_blocks == ALIGN_BLOCKS
-    c.correction[0] = select(done, 0, clamp(8 * half, 0, I32))
-    c.block_flags = c.block_flags | UNSURE | select(done, 0, ALIGNING)
-
-
-def measure_block(c: ControlState, p: Params) -> None:
-    dt = p["attitude.dt_s_q33"]
-    time = (p["attitude.block_steps"] * dt) >> 1
-    lever = sat32((c.force_sum[2] * dt) >> 20)
-    c.half_lever = clamp(lever, time >> 2, time) >> 1
-    for i in HORIZONTAL:
-        for j in AXES:
-            c.coupling[6 * i + j] = -((c.rows_sum[3 * i + j] * dt) >> 25)
-            c.coupling[6 * i + 3 + j] = -(c.turned_sum[3 * i + j] >> 1)
-    for i in HORIZONTAL:
-        c.velocity[i] = sat32(c.velocity[i] + gained(c, p, i))
-    in_runs(c, p, (p["attitude.aid_s_q24"] != 0) | (c.vehicle != 0), measure_velocity)
-    lasting = clamp(travel_square(c) - (p["attitude.speed_min"] >> 2), 0, TRAVEL_SQUARE_MAX_Q24)
-    doubt = select(travels(c) | (c.airborne == 1), 0, (lasting * p["attitude.doubt_q24"]) >> 16)
-    by_turn = clamp(p["attitude.q_turn_q24"] + doubt, 0, BY_TURN_MAX_Q32)
-    steps = p["attitude.block_steps"]
-    blind = (c.gap >= steps) | (c.gyro_run >= steps)
-    growth = p["attitude.q_tilt"] + ((c.energy * by_turn) >> 24) + c.tilt_added
-    growth = growth + select(blind, p["attitude.q_clipped"], 0)
-    c.tilt_growth = clamp(growth, 0, VARIANCE_MAX_Q32)
-    c.velocity_growth = 16 * c.velocity_added
-    c.block_flags = c.block_flags | select(lever < time >> 2, FALLING, 0) | c.airborne * AIRBORNE
-    c.slice = 0 * time + 1
-    c.aligned_blocks = select(c.still_blocks >= p["attitude.rest_blocks"], RESTED, c.aligned_blocks)
-
-
-def measure_velocity(c: ControlState, p: Params) -> None:
-    """The velocity that the block is measured to end with: zero, or in flight that of the drag."""
-    inverse, before = p["attitude.inverse_block_q32"], c.airborne == 1
-    follow_flight(c, p)
-    airborne = (p["attitude.aid_s_q24"] != 0) & (c.carried_blocks < MAYBE_LANDED_BLOCKS)
-    jumps, doubtful = airborne != before, airborne & (c.carried_blocks != 0)
-    c.velocity_added = select(jumps | doubtful, VELOCITY_ADDED_MAX_Q26, c.velocity_added)
-    c.airborne = select(airborne, 1, 0 * c.gap)
-    for i in HORIZONTAL:
-        across = mul(wrap_i32(c.force_sum[i] - c.thrust_sum[i]), inverse)
-        drag = sat32((-across * p["attitude.aid_s_q24"]) >> 14)
-        measured = clamp(sat32(drag + (gained(c, p, i) >> 1)), -VELOCITY_Q28, VELOCITY_Q28 - 1)
-        c.measured[i] = select(airborne, measured, 0 * measured)
-        c.travel[i] = select(jumps, 0 * measured, c.travel[i])
-
-
 def control_valid(p: Params) -> bool:
-    dt, steps, mounted = (int(p[f"attitude.{name}"]) for name in ("dt_s_q33", "block_steps", "mounted"))
-    half_angle = int(p["attitude.half_angle"]) & 0xFFFFFFFF
+    dt, steps, mounted = (p[f"attitude.{name}"] for name in ("dt_s_q33", "block_steps", "mounted"))
     sensors = ("gyro", "accel")
     return (
         all(validity.calibration(p, name) and mounting.valid(p, f"{name}_mounting") for name in sensors)
@@ -250,5 +149,5 @@ def control_valid(p: Params) -> bool:
         and 15 <= steps <= 125
         and mounted <= 1
         and steps * dt <= 2731598643
-        and steps * half_angle <= 1 << 34
+        and steps * (p["attitude.half_angle"] & 0xFFFFFFFF) <= 1 << 34
     )

@@ -1,56 +1,55 @@
 """How `attitude` notices in integers that the bias of the gyro has stepped.
 
-The functions have the names of docs/reference/arithmetic/attitude.md.
+The functions have the names of firmware/systems/attitude_shock.h.
 """
 
 from __future__ import annotations
 
 from plumb.kernels.fixed.kernels import Params
-from plumb.kernels.integers import Integer, clamp, mul, select, wrap_i32, wrap_u32
-from plumb.systems.attitude.fixed_covariance import HORIZONTAL, VARIANCE_MAX_Q32, near
-from plumb.systems.attitude.fixed_state import CELL, LANDED_BLOCKS, ControlState, forget
+from plumb.kernels.integers import mulhi_i32, mulhi_near, wrap_i32
+from plumb.systems.attitude.fixed_state import LANDED_BLOCKS, ControlState
+from plumb.systems.attitude.fixed_travel import explained_q24, travels
 
-RESTED = 5
-RISE_MAX_Q18, RISE_LEAST_Q18, LEANS_SHIFT = 157286, 2621, 14
-TRAVELS_Q24 = 16777
+RISE_LIMIT_Q18, RISE_LEAST_Q18 = 157286, 2621
+RESTED, LEANS_SHIFT = 5, 14
 
 
 def note_turn(c: ControlState, p: Params) -> None:
-    """How the block has turned about horizontal axes, and whether the gyro alone has turned."""
-    up, by, turn = c.force_before[2], [], 0 * c.gap
-    for i in HORIZONTAL:
-        half = wrap_i32(c.turned_sum[3 * i] + c.turned_sum[3 * i + 1] + c.turned_sum[3 * i + 2])
-        by.append(mul(wrap_i32(half << 5), up))
-        turn = turn + (abs(half) >> 2)
-    c.turning = c.turning + near(turn - c.turning, p["attitude.travel_pass_q32"] >> 1)
-    x = wrap_i32(c.force_sum[0] - c.force_before[0] - by[1])
-    y = wrap_i32(c.force_sum[1] - c.force_before[1] + by[0])
-    stays = (abs(x) >> 1) + (abs(y) >> 1) <= p["attitude.rest_accel"]
-    held = (c.moved == 0) & (c.carried_blocks == LANDED_BLOCKS) & (turn > p["attitude.rest_turn"] >> 11) & stays
-    c.held_blocks = select(held, clamp(c.held_blocks + 1, 0, p["attitude.rest_blocks"]), 0 * c.held_blocks)
+    """How the last block has turned about horizontal axes, and whether the gyro alone has turned."""
+    up_q18 = c.force_before_q18[2]
+    by_q18, turn_q26 = [], 0
+    for turned in c.turned_sum_q28:
+        half_q28 = wrap_i32(sum(turned))
+        by_q18.append(mulhi_i32(wrap_i32(half_q28 << 5), up_q18))
+        turn_q26 += abs(half_q28) >> 2
+    c.turning_rad_q26 += mulhi_near(turn_q26 - c.turning_rad_q26, p["attitude.travel_pass_q32"] >> 1)
+    x_q18 = wrap_i32(c.force_sum_q18[0] - c.force_before_q18[0] - by_q18[1])
+    y_q18 = wrap_i32(c.force_sum_q18[1] - c.force_before_q18[1] + by_q18[0])
+    held = (
+        not c.moved
+        and c.carried_blocks == LANDED_BLOCKS
+        and turn_q26 > p["attitude.rest_turn"] >> 11
+        and (abs(x_q18) >> 1) + (abs(y_q18) >> 1) <= p["attitude.rest_accel"]
+    )
+    c.held_blocks = min(c.held_blocks + 1, p["attitude.rest_blocks"]) if held else 0
 
 
-def travels(c: ControlState) -> Integer:
-    """Whether a lasting velocity is explained by travel."""
-    return c.travel_excess > TRAVELS_Q24
+def held_still(c: ControlState, p: Params) -> bool:
+    """True when the gyro alone has turned for as long as a rest takes, although its bias was known, and the
+    acceleration leans."""
+    leans = abs(c.force_before_q18[0]) + abs(c.force_before_q18[1])
+    return (
+        c.held_blocks == p["attitude.rest_blocks"]
+        and c.aligned_blocks == RESTED
+        and not travels(c)
+        and leans > p["attitude.block_steps"] << LEANS_SHIFT
+    )
 
 
-def held_still(c: ControlState, p: Params) -> Integer:
-    """Whether the gyro alone has turned for as long as a rest takes, and the acceleration leans."""
-    leans = abs(c.force_before[0]) + abs(c.force_before[1]) > p["attitude.block_steps"] << LEANS_SHIFT
-    known = (c.aligned_blocks == RESTED) & (travels(c) == 0)
-    return known & (c.held_blocks == p["attitude.rest_blocks"]) & leans
-
-
-def lost_in_motion(c: ControlState, p: Params, lasting: Integer) -> Integer:
-    """Whether the vertical acceleration is too small for seconds, or a body that turns has a lasting velocity and an
-    acceleration that leans. lasting: the square of that velocity, g^2 s^2 Q24."""
-    explained = wrap_u32(c.covariance[CELL[8][8]] + c.covariance[CELL[9][9]])
-    over = lasting - (explained >> 6) - (p["attitude.travel_least_q24"] >> 1)
-    leans = (c.rise > RISE_LEAST_Q18) & (c.turning > p["attitude.rest_turn"] >> 6) & (over > 0)
-    return (c.rise > RISE_MAX_Q18) | leans
-
-
-def reopen(c: ControlState, p: Params) -> None:
-    """Of the bias and of the tilt nothing is known any more; both stay."""
-    forget(c, p, 4 * clamp(p["attitude.start_bias"], 0, VARIANCE_MAX_Q32 // 4), p["attitude.start_tilt"] >> 3)
+def lost_in_motion(c: ControlState, p: Params, lasting_q24: int) -> bool:
+    """True when the vertical acceleration is too small for seconds; or a body that turns about horizontal axes has a
+    lasting velocity, and its acceleration leans."""
+    over_q24 = lasting_q24 - explained_q24(c) - (p["attitude.travel_least_q24"] >> 1)
+    return c.rise_g_q18 > RISE_LIMIT_Q18 or (
+        c.rise_g_q18 > RISE_LEAST_Q18 and c.turning_rad_q26 > p["attitude.rest_turn"] >> 6 and over_q24 > 0
+    )

@@ -1,6 +1,6 @@
-"""Turns of the attitude of `attitude` in integers, and its matrix.
+"""How the quaternion of `attitude` turns in integers: about the earth's axes, about the body's, to the vertical.
 
-The functions have the names of docs/reference/arithmetic/attitude.md.
+The functions have the names of firmware/systems/attitude_turns.h.
 """
 
 from __future__ import annotations
@@ -9,67 +9,79 @@ from collections.abc import Sequence
 
 from plumb.kernels.fixed.quaternion import ONE_Q30
 from plumb.kernels.fixed.trig import length, reciprocal
-from plumb.kernels.integers import Integer, clamp, clz32, mul, select, wrap_i32
-from plumb.systems.attitude.fixed_state import ControlState
+from plumb.kernels.integers import clz32, mulhi_i32, wrap_i32
+from plumb.systems.attitude.fixed_state import SIXTH_Q32
 
-I32 = (1 << 31) - 1
-SIXTH_Q32 = 715827883
+TWELFTH_Q32, TWENTIETH_Q32, THIRTIETH_Q32, FORTY_SECOND_Q32 = 357913941, 214748365, 143165577, 102261126
 
 
-def turn_body(c: ControlState, h: Sequence[Integer]) -> Integer:
-    """Turn the attitude by these half angles; returns the sum of their squares."""
-    s = (mul(h[0], h[0]) + mul(h[1], h[1]) + mul(h[2], h[2])) >> 2
-    inner = 4 * mul(s, ONE_Q30 - mul(s, 102261126))
-    missing = 4 * mul(4 * mul(s, ONE_Q30 - mul(inner, 214748365)), SIXTH_Q32)
-    inner = 4 * mul(s, ONE_Q30 - mul(s, 143165577))
-    cosine = -8 * mul(s, ONE_Q30 - mul(inner, 357913941))
-    x, y, z = (angle - mul(angle, missing) for angle in h)
-    w, qx, qy, qz = c.attitude
-    c.attitude = [
-        w + mul(w, cosine) - mul(qx, x) - mul(qy, y) - mul(qz, z),
-        qx + mul(qx, cosine) + mul(w, x) + mul(qy, z) - mul(qz, y),
-        qy + mul(qy, cosine) + mul(w, y) + mul(qz, x) - mul(qx, z),
-        qz + mul(qz, cosine) + mul(w, z) + mul(qx, y) - mul(qy, x),
-    ]
+def turn_earth(q: list[int], w: int, x: int, y: int) -> None:
+    """Turn the earth's side of the attitude: (w, x, y, 0) * q, then a first-order normalisation."""
+    qw = 4 * (mulhi_i32(w, q[0]) - mulhi_i32(x, q[1]) - mulhi_i32(y, q[2]))
+    qx = 4 * (mulhi_i32(w, q[1]) + mulhi_i32(x, q[0]) + mulhi_i32(y, q[3]))
+    qy = 4 * (mulhi_i32(w, q[2]) + mulhi_i32(y, q[0]) - mulhi_i32(x, q[3]))
+    qz = 4 * (mulhi_i32(w, q[3]) + mulhi_i32(x, q[2]) - mulhi_i32(y, q[1]))
+    square_q28 = mulhi_i32(qw, qw) + mulhi_i32(qx, qx) + mulhi_i32(qy, qy) + mulhi_i32(qz, qz)
+    longer_q32 = ((1 << 28) - square_q28) * 8
+
+    q[0] = qw + mulhi_i32(qw, longer_q32)
+    q[1] = qx + mulhi_i32(qx, longer_q32)
+    q[2] = qy + mulhi_i32(qy, longer_q32)
+    q[3] = qz + mulhi_i32(qz, longer_q32)
+
+
+def align(q: list[int], x: int, y: int, z: int, least: int) -> int:
+    """Turn the attitude so that the vector, in earth axes, points up; returns half its length, below `least` nothing is
+    turned."""
+    half = length(length(y, x), z >> 1) << 1
+    if half < least:
+        return half
+
+    w, qx, qy = half + (z >> 1), y >> 1, -(x >> 1)
+    long = length(length(qy, qx), w >> 1) << 2
+    if long < half >> 8:
+        turn_earth(q, 0, ONE_Q30, 0)
+        return half
+    n = clz32(long)
+    inverse = reciprocal((long << n) >> 1)
+    turn_earth(q, (w * inverse) >> (32 - n), (qx * inverse) >> (32 - n), (qy * inverse) >> (32 - n))
+    return half
+
+
+def turn_force(force: list[int], x_q32: int, y_q32: int) -> None:
+    """Turn an acceleration in earth axes by the small angle of a correction of the attitude."""
+    fx, fy, fz = force
+    force[0] = wrap_i32(fx + mulhi_i32(y_q32, fz))
+    force[1] = wrap_i32(fy - mulhi_i32(x_q32, fz))
+    force[2] = wrap_i32(fz + mulhi_i32(x_q32, fy) - mulhi_i32(y_q32, fx))
+
+
+def turn_body(q: list[int], hx: int, hy: int, hz: int) -> int:
+    """Turn the attitude by half angles about body axes; returns their square, Q30."""
+    s = (mulhi_i32(hx, hx) + mulhi_i32(hy, hy) + mulhi_i32(hz, hz)) >> 2
+    sine = ONE_Q30 - mulhi_i32(4 * mulhi_i32(s, ONE_Q30 - mulhi_i32(s, FORTY_SECOND_Q32)), TWENTIETH_Q32)
+    missing_q32 = 4 * mulhi_i32(4 * mulhi_i32(s, sine), SIXTH_Q32)
+    cosine = ONE_Q30 - mulhi_i32(4 * mulhi_i32(s, ONE_Q30 - mulhi_i32(s, THIRTIETH_Q32)), TWELFTH_Q32)
+    c = -8 * mulhi_i32(s, cosine)
+    x = hx - mulhi_i32(hx, missing_q32)
+    y = hy - mulhi_i32(hy, missing_q32)
+    z = hz - mulhi_i32(hz, missing_q32)
+    qw, qx, qy, qz = q
+    q[0] = qw + mulhi_i32(qw, c) - mulhi_i32(qx, x) - mulhi_i32(qy, y) - mulhi_i32(qz, z)
+    q[1] = qx + mulhi_i32(qx, c) + mulhi_i32(qw, x) + mulhi_i32(qy, z) - mulhi_i32(qz, y)
+    q[2] = qy + mulhi_i32(qy, c) + mulhi_i32(qw, y) + mulhi_i32(qz, x) - mulhi_i32(qx, z)
+    q[3] = qz + mulhi_i32(qz, c) + mulhi_i32(qw, z) + mulhi_i32(qx, y) - mulhi_i32(qy, x)
     return s
 
 
-def matrix(q: Sequence[Integer]) -> list[list[Integer]]:
+def matrix_of(q: Sequence[int]) -> list[list[int]]:
+    """Rows of the attitude's matrix, Q30: from body to earth."""
     w, x, y, z = q
-    xx, yy, zz = mul(x, x), mul(y, y), mul(z, z)
-    xy, xz, yz = mul(x, y), mul(x, z), mul(y, z)
-    wx, wy, wz = mul(w, x), mul(w, y), mul(w, z)
-    rows = [
-        [ONE_Q30 - 8 * (yy + zz), 8 * (xy - wz), 8 * (xz + wy)],
-        [8 * (xy + wz), ONE_Q30 - 8 * (xx + zz), 8 * (yz - wx)],
-        [8 * (xz - wy), 8 * (yz + wx), ONE_Q30 - 8 * (xx + yy)],
+    xx, yy, zz = mulhi_i32(x, x), mulhi_i32(y, y), mulhi_i32(z, z)
+    xy, xz, yz = mulhi_i32(x, y), mulhi_i32(x, z), mulhi_i32(y, z)
+    wx, wy, wz = mulhi_i32(w, x), mulhi_i32(w, y), mulhi_i32(w, z)
+    return [
+        [wrap_i32(ONE_Q30 - 8 * (yy + zz)), wrap_i32(8 * (xy - wz)), wrap_i32(8 * (xz + wy))],
+        [wrap_i32(8 * (xy + wz)), wrap_i32(ONE_Q30 - 8 * (xx + zz)), wrap_i32(8 * (yz - wx))],
+        [wrap_i32(8 * (xz - wy)), wrap_i32(8 * (yz + wx)), wrap_i32(ONE_Q30 - 8 * (xx + yy))],
     ]
-    return [[wrap_i32(entry) for entry in row] for row in rows]
-
-
-def turn_earth(q: Sequence[Integer], w: Integer, x: Integer, y: Integer) -> list[Integer]:
-    qw, qx, qy, qz = q
-    turned = [
-        4 * (mul(w, qw) - mul(x, qx) - mul(y, qy)),
-        4 * (mul(w, qx) + mul(x, qw) + mul(y, qz)),
-        4 * (mul(w, qy) + mul(y, qw) - mul(x, qz)),
-        4 * (mul(w, qz) + mul(x, qy) - mul(y, qx)),
-    ]
-    squares = [mul(one, one) for one in turned]
-    longer = 8 * ((1 << 28) - squares[0] - squares[1] - squares[2] - squares[3])
-    return [one + mul(one, longer) for one in turned]
-
-
-def align(c: ControlState, x: Integer, y: Integer, z: Integer, least: int) -> Integer:
-    """Turn the earth so that the vector points up; returns half its length, below `least` nothing is turned."""
-    half = 2 * length(length(y, x), z >> 1)
-    w, qx, qy = half + (z >> 1), y >> 1, -(x >> 1)
-    long = 4 * length(length(qy, qx), w >> 1)
-    over = long < half >> 8
-    divisor = clamp(long, 1, I32)
-    n = clz32(divisor)
-    v = reciprocal((divisor << n) >> 1)
-    w, qx, qy = ((one * v) >> (32 - n) for one in (w, qx, qy))
-    turned = turn_earth(c.attitude, select(over, 0, w), select(over, ONE_Q30, qx), select(over, 0, qy))
-    c.attitude = [select(half >= least, new, old) for new, old in zip(turned, c.attitude, strict=True)]
-    return half

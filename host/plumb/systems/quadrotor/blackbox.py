@@ -9,7 +9,7 @@ import numpy as np
 from plumb.spec.records import Words
 from plumb.systems.blackbox import PID_UNITS, STICK_UNITS, THROTTLE_LOW, THROTTLE_UNITS, Cells
 from plumb.systems.quadrotor.fixed import FLIES, LEVELS, LOST
-from plumb.systems.quadrotor.fixed_flight import HELD, LANDING, RECEIVER_LOST, STOPPED
+from plumb.systems.quadrotor.fixed_phase import HELD, LANDING, RECEIVER_LOST, STOPPED
 from plumb.tuning.quantise import ControlParams
 
 AXES = ("roll", "pitch", "yaw")
