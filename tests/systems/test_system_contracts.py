@@ -96,7 +96,7 @@ def test_everything_that_a_module_lacks_is_named_at_once() -> None:
 def test_a_function_takes_the_keywords_of_the_contract() -> None:
     module = ModuleType("plumb.systems.odd.plots")
     module.__file__ = "odd/plots.py"
-    vars(module).update(metrics="none", plots=lambda run: [])
+    vars(module).update(metrics="none", MEASURES=(), MAIN="", APART="", plots=lambda run: [])
     with pytest.raises(UsageError, match=r"^odd/plots\.py lacks metrics\(\), closed of plots\(\);"):
         system_parts.check(module, PLOTS.contract)
 
