@@ -18,10 +18,10 @@ from plumb.analyses.flights.estimators import FLIGHT
 from plumb.boards.plant_on_pins import coupler
 from plumb.cli.demo import DEMO
 from plumb.errors import UsageError
-from plumb.inputs.replay import REPLAY
 from plumb.proof.figures import FIGURES
 from plumb.proof.invariants import INVARIANTS
 from plumb.proof.runs import PLOTS
+from plumb.readers.replay import REPLAY
 from plumb.spec import system_parts
 from plumb.spec.system_parts import Part
 from plumb.systems.balancer import pins as balancer_pins
