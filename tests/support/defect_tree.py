@@ -22,7 +22,6 @@ from pathlib import Path
 from plumb.proof.faults import table
 from plumb.proof.faults.scene import PILOT
 from plumb.spec import declarations, images
-from plumb.spec.system import FLIGHT
 from support.defects import ROOT, Defect
 
 IMAGE, NATIVE = "stm32f103", "native"
@@ -202,7 +201,7 @@ def system_of_row(name: str) -> str | None:
 
 def flies(system: str) -> bool:
     """Whether a pilot's receiver may arm it, and it flies."""
-    return declarations.system(system).checks == FLIGHT
+    return declarations.system(system).checked_by == "takeoff"
 
 
 def judged(tree: Tree, defect: Defect) -> tuple[list[Verdict], list[str]]:

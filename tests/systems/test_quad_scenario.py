@@ -17,6 +17,7 @@ from plumb.spec.tuning import Kalman
 from plumb.systems import load, scoring
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.drawn_run import Scenario, on_grid
+from plumb.systems.quad.lateral import GRID_S
 from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
 
@@ -143,10 +144,19 @@ def test_the_hand_lets_go_and_the_motors_turn_the_axis() -> None:
     # The hand lets go at rest: whatever is beyond 10 deg is the motors' work.
     assert up.tilt_deg > 10.0 and down.tilt_deg < -10.0 and abs(off.tilt_deg) < 10.0
     assert up.speed[0] == pytest.approx(0.7, abs=0.01) and off.speed == (0.0, 0.0)
-    up.advance_to(10.55, (1700.0, 1300.0))
+    up.advance_to(10.55 + quad.hold_later_s(4), (1700.0, 1300.0))
     assert up.tilt_deg == pytest.approx(20.0), "pulled to 20 deg by hand whatever the motors do"
     up.advance_to(15.0, (2000.0, 1000.0))
     assert up.tilt_deg == 60.0, "the stop"
+
+
+def test_the_hand_pulls_at_a_time_that_the_seed_draws() -> None:
+    later_s = [quad.hold_later_s(seed) for seed in range(40)]
+    assert min(later_s) >= 0.0 and 0.8 * quad.HOLD_LATER_S < max(later_s) < quad.HOLD_LATER_S
+    for seed in (0, 1):
+        run = quad.scenario("hold", seed)
+        held = np.flatnonzero(run.hand)[-1] * GRID_S
+        assert held == pytest.approx(quad.HOLD_RELEASE_S + later_s[seed], abs=2.0 * GRID_S)
 
 
 def test_the_hand_waits_for_the_motors() -> None:

@@ -29,7 +29,7 @@ def test_it_flies() -> None:
     """What is asked of the hummingbird, on two seeds; with the gains of the hummingbird the loop would be another."""
     flown = fly("lean", (1000, 1001), iris.tuning(), frame=IRIS_X)
     begin_s = courses.ACTS_S
-    held = np.abs(flown.lean_deg[flown.between(begin_s + 0.4, begin_s + courses.LEAN_S)] - courses.LEAN_DEG)
+    held = np.abs(flown.around(flown.lean_deg, begin_s + 0.4, begin_s + courses.LEAN_S) - courses.LEAN_DEG)
     assert held.max() < 2.0
     found = loops.margins("pitch", iris.tuning(), frame=IRIS_X)
     assert found.phase_deg > figures.LEAST.phase_deg and found.delay_s > figures.LEAST.delay_s

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from plumb.systems.run_fixed import Controller
-from plumb.systems.wheels import ride, scenarios
+from plumb.systems.wheels import ride, rides, scenarios
 from plumb.systems.wheels.ride import Vehicle
 from plumb.tuning.quantise import quantise
 
@@ -136,3 +136,17 @@ def test_what_is_drawn_of_it_fits() -> None:
     assert len(drawing.readings) == len(seen.readings)
     assert {shape.without for shape in drawing.shapes} - {""} <= set(ride.EVENTS) and ride.CONTROLS.event in ride.EVENTS
     assert {shape.motor for shape in drawing.shapes} == {-1, 0, 1}
+
+
+def test_what_happens_comes_at_a_time_that_the_seed_draws() -> None:
+    """Within the stated range, spread over it, and the same for the same seed; the push on ice within 0.3 s of it."""
+    drawn = [rides.drawn("ice-one", seed) for seed in range(40)]
+    at_s, slips_s = np.array([one.happens_s for one in drawn]), np.array([one.slips_s for one in drawn])
+    assert (at_s >= rides.HAPPENS_S).all() and (at_s < rides.HAPPENS_S + rides.LATER_S).all()
+    assert np.ptp(at_s) > 0.8 * rides.LATER_S and np.ptp(slips_s) > 1.6 * rides.ON_ICE_S
+    assert np.abs(slips_s).max() <= rides.ON_ICE_S
+    assert [rides.drawn("ice-one", seed) for seed in range(40)] == drawn
+    for name in ("ice-one", "ice-both", "steps-off", "receiver"):
+        run = scenarios.scenario(name, 7)
+        assert [one.begin_s for one in run.ride.happens()] == [rides.drawn(name, 7).happens_s]
+        assert run.ride.happens_s < rides.RIDES[name].seconds - 3.0

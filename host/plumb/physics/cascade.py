@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from plumb.physics.airframe import Airframe, command_for
-from plumb.physics.vectors import cross
+from plumb.physics.vectors import cross, total
 from plumb.spec.arrays import BoolArray, FloatArray
 
 ATTITUDE_GAIN, RATE_GAIN, RATE_INTEGRAL, YAW_GAIN = 6.0, 22.0, 1.5, 8.0
@@ -49,7 +49,8 @@ class Cascade:
         torque = self._inertia * self._gain * (error + RATE_INTEGRAL * self._sum_rad)
         most = YAW_LIMIT * thrust_n * self._frame.moment_m
         torque[2] = np.clip(torque[2], -most, most)
-        shares = self._inverse @ np.vstack([thrust_n, torque]) / (self._frame.thrust_max_n / 4.0)
+        by_each = self._inverse[:, :, None] * np.vstack([thrust_n, torque])
+        shares = total(np.swapaxes(by_each, 0, 1)) / (self._frame.thrust_max_n / 4.0)
         shares -= np.maximum(shares.max(axis=0) - 1.0, 0.0)
         shares += np.maximum(-shares.min(axis=0), 0.0)
         return np.maximum(command_for(shares), IDLE)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plumb.physics.airframe import G_MPS2, Airframe
-from plumb.physics.elementary import arctangent
+from plumb.physics.elementary import arctangent, cosine, sine
 from plumb.physics.quadrotor import Quadrotor
 from plumb.spec.arrays import FloatArray
 
@@ -87,7 +87,8 @@ def shuttle(seen: Seen) -> Lean:
 
 def vertical(roll: FloatArray, pitch: FloatArray) -> FloatArray:
     """The vertical in body axes for this lean: positive pitch accelerates forward, positive roll to the right."""
-    return np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)])
+    level = cosine(pitch)
+    return np.stack([-sine(pitch), sine(roll) * level, cosine(roll) * level])
 
 
 HEIGHT_PER_S2, CLIMB_PER_S, HEIGHT_SUM_PER_S3 = 2.0, 2.5, 0.6

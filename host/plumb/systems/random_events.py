@@ -1,6 +1,7 @@
-"""Events of a run that is drawn at random: how many, which, and when; and the conditions that leave some of them out.
+"""Events of a run: when those of a scenario come; of the scenario that is drawn at random how many, which, and when,
+and the conditions that leave some of them out.
 
-Two to EVENTS_MOST events, in a tenth of the runs none. What an event is, each vehicle says.
+At random two to EVENTS_MOST events, in a tenth of the runs none. What an event is, each vehicle says.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ EVENTS_LEAST, EVENTS_MOST, WITHOUT_EVENTS = 2, 4, 0.1
 EVENTS_ALL = 2**EVENTS_MOST - 1
 EVENTS_NOTE = f"of {RANDOM}: bit i keeps its i-th drawn event (default {EVENTS_ALL}, all)"
 
+MOMENTS = 20_813
+"""Of the generator of moments."""
+
 Happening = TypeVar("Happening")
 
 
@@ -28,6 +32,13 @@ class Event(NamedTuple, Generic[Happening]):
 
     happenings: tuple[Happening, ...] = ()
     faults: tuple[Fault, ...] = ()
+
+
+def later_s(seed: int, most_s: float, which: int = 0) -> float:
+    """How much later than written a run has the events of its scenario: 0 to most_s, uniform. The same seed gives the
+    same share of it, from a generator of its own: what else a run draws does not change with it. which: further shares
+    of the same seed."""
+    return most_s * float(np.random.default_rng([MOMENTS, seed, which]).random())
 
 
 def between(rng: np.random.Generator, least_s: float, most_s: float) -> float:

@@ -324,7 +324,8 @@ def hold_run(controller: Float64, seed: int) -> metrics.Hold:
 
 
 def _hold(scenario: Scenario, tilt_deg: FloatArray) -> metrics.Hold:
-    return metrics.hold(scenario.time_s, tilt_deg, np.zeros(scenario.steps), quad.HOLD_RELEASE_S)
+    release_s = quad.HOLD_RELEASE_S + quad.hold_later_s(scenario.seed)
+    return metrics.hold(scenario.time_s, tilt_deg, np.zeros(scenario.steps), release_s)
 
 
 def loop_rows(_seeds: Iterable[int]) -> Iterator[Figure]:

@@ -1,4 +1,4 @@
-"""Flights of `quadrotor` over many seeds: the C integers in the loop, all runs side by side."""
+"""Flights of `quadrotor` over many seeds: the C integers in the loop with the plant in C."""
 
 from __future__ import annotations
 
@@ -7,24 +7,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from plumb.boards import native_core
+from plumb.boards import native_plant
 from plumb.physics.airframe import HUMMINGBIRD_X, Airframe
 from plumb.physics.pilots import vertical
+from plumb.physics.sensors import Fault
+from plumb.proof import moments
 from plumb.spec.arrays import FloatArray
 from plumb.systems.attitude.scenarios import apart_deg
 from plumb.systems.quadrotor import scenarios as quadrotor
-from plumb.systems.quadrotor.plant import command_of
+from plumb.systems.quadrotor.drawn_run import Scenario
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
-from plumb.systems.quadrotor.vehicle import Vehicles
-from plumb.tuning.quantise import quantise
+from plumb.tuning.quantise import ControlParams, quantise
 
 
 @dataclass(frozen=True)
 class Flown:
     """Of every step and run, (steps, runs): error_deg: estimated to true vertical; apart_deg: true to wanted vertical;
-    lean_deg: true; rate_dps, asked_dps: (steps, 3, runs); height_m; phase. time_s: (steps,)."""
+    lean_deg: true; rate_dps: (steps, 3, runs); height_m; phase; rotor: (steps, 4, runs). time_s: (steps,). later_s: how
+    much later than written in COURSES the events of each run come, (runs,)."""
 
     time_s: FloatArray
+    later_s: FloatArray
     error_deg: FloatArray
     apart_deg: FloatArray
     lean_deg: FloatArray
@@ -34,9 +37,14 @@ class Flown:
     rotor: FloatArray
 
     def between(self, begin_s: float, end_s: float) -> slice:
-        """The steps of a time."""
+        """The steps of a time that all runs have in common."""
         first, last = np.searchsorted(self.time_s, (begin_s - 1e-9, end_s - 1e-9))
         return slice(int(first), int(last))
+
+    def around(self, values: FloatArray, begin_s: float, end_s: float = np.inf) -> FloatArray:
+        """The rows of each run between two times of COURSES, where its own events are; as many of all runs: up to the
+        end of the one whose events come last."""
+        return moments.around(values, self.time_s, begin_s + self.later_s, end_s + self.later_s)
 
 
 def fly(
@@ -48,25 +56,27 @@ def fly(
     *,
     open_loop: bool = False,
     frame: Airframe = HUMMINGBIRD_X,
+    faults: tuple[Fault, ...] = (),
 ) -> Flown:
-    """One scenario, all seeds. open_loop: an ideal controller flies, and the core runs beside it."""
-    drawn = [quadrotor.scenario(name, seed, period_us=period_us, seconds=seconds) for seed in seeds]
+    """One scenario, all seeds. open_loop: an ideal controller flies, and the core runs beside it. frame: instead of
+    that of the scenario, whose gains the tuning has."""
+    drawn = [quadrotor.scenario(name, seed, period_us=period_us, seconds=seconds, faults=faults) for seed in seeds]
     params = quantise(drawn[0].fit(replace(tuning, period_us=period_us)))
-    vehicles, core = Vehicles(drawn, ideal=open_loop, frame=frame), native_core.Controllers(params, len(drawn))
-    rows: list[tuple[FloatArray, ...]] = []
-    command = np.zeros((4, len(drawn)))
-    for step in range(drawn[0].steps):
-        if step:
-            vehicles.advance(command)
-        inputs = np.concatenate([vehicles.counts(), vehicles.commands()], 1)
-        words = core.step(inputs, vehicles.throttle_q15())
-        command = command_of(np.stack([words[f"pulse_halfus_{rotor}"] for rotor in range(4)]))
-        body = vehicles.body
-        up = body.matrix[2]
-        estimate = np.stack([words[f"up_q30_{axis}"] for axis in range(3)]) / 2.0**30
-        rows.append((
-            apart_deg(estimate, up), apart_deg(vertical(*vehicles.lean_rad), up),
-            np.degrees(np.arccos(np.clip(up[2], -1.0, 1.0))), np.degrees(body.rate_radps), body.position_m[2].copy(),
-            words["phase"].astype(np.float64), np.stack([words[f"rotor_q24_{rotor}"] for rotor in range(4)]) / 2.0**24,
-        ))  # fmt: skip
-    return Flown(drawn[0].time_s, *(np.stack(column) for column in zip(*rows, strict=True)))
+    drawn = [run if run.frame is frame else replace(run, frame=frame) for run in drawn]
+    rows = [_columns(run, params, open_loop=open_loop) for run in drawn]
+    later_s = np.array([run.course.later_s for run in drawn])
+    return Flown(drawn[0].time_s, later_s, *(np.stack(column, -1) for column in zip(*rows, strict=True)))
+
+
+def _columns(run: Scenario, params: ControlParams, *, open_loop: bool) -> tuple[FloatArray, ...]:
+    """The columns of Flown from error_deg on, of one run."""
+    answer = native_plant.closed_loop(run, params, open_loop=open_loop)
+    words, truth = answer.words, answer.truth
+    up = np.stack([truth[f"up_{axis}"] for axis in "xyz"])
+    estimate = np.stack([words[f"up_q30_{axis}"] for axis in range(3)]) / 2.0**30
+    wanted = vertical(np.radians(truth["asked_roll_deg"]), np.radians(truth["asked_pitch_deg"]))
+    return (
+        apart_deg(estimate, up), apart_deg(wanted, up), truth["lean_deg"],
+        np.stack([truth[f"rate_{axis}_dps"] for axis in "xyz"], 1), truth["height_m"],
+        words["phase"].astype(np.float64), np.stack([words[f"rotor_q24_{rotor}"] for rotor in range(4)], 1) / 2.0**24,
+    )  # fmt: skip

@@ -11,12 +11,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from plumb.judging.angles import MAIN
 from plumb.judging.balancer import loops
 from plumb.judging.wheels import sweep
 from plumb.judging.wheels.ridden import Ridden, ride
 from plumb.proof import loop_figures
 from plumb.proof.figures import Figure, Sense
+from plumb.proof.limits import RMS as RMS_METRIC
 from plumb.proof.limits import Limit, Limits
 from plumb.proof.loop_figures import LeastMargins
 from plumb.proof.report import Plot
@@ -47,12 +47,13 @@ ASSUMED = (
     " below 2 % of duty and with 3 A at most; battery 0.9 to 1.1 of its nominal voltage.",
     "MPU-6050 as for `quadrotor`: bias 1 deg/s an axis, 0.5 deg/s of warm-up, scale 1 %, misalignment 0.7 %, offset"
     f" 2 mg; vibration white, {wheels.VIBRATION_G:g} g an axis. Pushes and rough ground as `balancer`.",
-    "Ice: at 0.4 m/s, pushed by up to 3 m/s^2 and asked to slow to 0.1 m/s while a wheel, or both, slip.",
+    "Ice: at 0.4 m/s, pushed by up to 3 m/s^2 and asked to slow to 0.1 m/s within 0.3 s of it while a wheel, or both,"
+    " slip. Ice, the rider's leaving and a silence come at times drawn from the seed.",
     "Margins: about upright, the wheels rolling, both loops as models; balance broken at the duty, the speed loop"
     " closed; with 0.9 and 1.1 of the battery's voltage the worse one. tools/gen_margins.py sweeps the flash image: the"
     f" same loop of balance and that of the turn rate, at {sweep.ROLLS_MPS:g} m/s.",
 )
-LIMITS: Limits = {(name, TUNING, "closed"): (Limit(MAIN, "at most", RUN_DEG, "deg"),) for name in VELOCITY_MPS}
+LIMITS: Limits = {(name, TUNING, "closed"): (Limit(RMS_METRIC, "at most", RUN_DEG, "deg"),) for name in VELOCITY_MPS}
 
 
 @lru_cache(maxsize=2)
@@ -117,17 +118,18 @@ def ice(name: str, seeds: Iterable[int]) -> Iterator[Figure]:
 def steps_off(seeds: Iterable[int]) -> Iterator[Figure]:
     """At rest within 2 s of the rider's leaving, 0.3 s of which the switch is not believed; then off."""
     ridden = _ridden("steps-off", tuple(seeds))
-    after = ridden.between(rides.HAPPENS_S, np.inf)
-    ends = np.argmax(ridden.phase[after] == 0, axis=0)
-    time_s = ridden.time_s[after] - rides.HAPPENS_S
-    yield _worst("motors off after the rider left", "steps-off", "s", 2.4, time_s[ends])
-    last = np.array([np.abs(ridden.velocity_mps[after][end - 1, run]) for run, end in enumerate(ends)])
+    phase, speed, tilt = (
+        ridden.around(values, 0.0) for values in (ridden.phase, np.abs(ridden.velocity_mps), np.abs(ridden.tilt_deg))
+    )
+    ends, period_s = np.argmax(phase == 0, axis=0), wheels.PERIOD_US * 1e-6
+    yield _worst("motors off after the rider left", "steps-off", "s", 2.4, ends * period_s)
+    last = np.array([speed[end - 1, run] for run, end in enumerate(ends)])
     yield _worst("speed before the motors are off", "steps-off", "m/s", REST_MPS, last)
-    moving = np.abs(ridden.velocity_mps[after]) > REST_MPS
+    moving = speed > REST_MPS
     rest = [np.flatnonzero(moving[:end, run])[-1] + 1 if moving[:end, run].any() else 0 for run, end in enumerate(ends)]
-    yield _worst("at rest (0.1 m/s) after the rider left", "steps-off", "s", 2.3, time_s[np.array(rest)])
-    tilt = np.array([np.abs(ridden.tilt_deg[after][:end, run]).max() for run, end in enumerate(ends)])
-    yield _worst("largest tilt until then", "steps-off", "deg", None, tilt)
+    yield _worst("at rest (0.1 m/s) after the rider left", "steps-off", "s", 2.3, np.array(rest) * period_s)
+    largest = np.array([tilt[:end, run].max() for run, end in enumerate(ends)])
+    yield _worst("largest tilt until then", "steps-off", "deg", None, largest)
 
 
 def topples(seeds: Iterable[int]) -> Iterator[Figure]:
@@ -140,11 +142,9 @@ def silent(seeds: Iterable[int]) -> Iterator[Figure]:
     """A receiver that falls silent for a second: it stands meanwhile, and stays up."""
     ridden = _ridden("receiver", tuple(seeds))
     yield Figure("stay up", "receiver", TUNING, "%", "at least", 100.0, float(np.mean(_up(ridden))))
-    ends = rides.HAPPENS_S + rides.RIDES["receiver"].silent_s
-    quiet = ridden.between(ends - 0.2, ends)
-    yield _worst(
-        "turn rate at the end of the silence", "receiver", "deg/s", 10.0, np.abs(ridden.turn_dps[quiet]).max(axis=0)
-    )
+    ends = rides.RIDES["receiver"].silent_s
+    turn = ridden.around(np.abs(ridden.turn_dps), ends - 0.2, ends)
+    yield _worst("turn rate at the end of the silence", "receiver", "deg/s", 10.0, turn.max(axis=0))
 
 
 def loop_margins() -> dict[str, Margins]:

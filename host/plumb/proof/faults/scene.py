@@ -31,7 +31,6 @@ from plumb.proof.faults.sample_source import Source
 from plumb.spec import declarations, images
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame, protocol
-from plumb.spec.system import AXIS, FLIGHT, RIDE
 from plumb.systems.contracts import (
     PINS,
     AnalogPins,
@@ -173,10 +172,10 @@ class Scene:
             "bridge": declared.output == "BRIDGE",
             "break": isinstance(self.live, BridgePins),
             "esc": declared.output in ("PULSES", "ROTORS"),
-            CHECKED: declared.checks in (AXIS, RIDE),
+            CHECKED: declared.checked_by == "plausibility",
             HELD_BY_ITSELF: not isinstance(self.live, CommandedPins),
             LINKED: declared.command_source == "link",
-            PILOT: declared.checks == FLIGHT,
+            PILOT: declared.checked_by == "takeoff",
         }
         return frozenset(name for name, is_there in found.items() if is_there)
 

@@ -7,7 +7,8 @@ leaning forward, the forward axis reads -sin(tilt): its calibration turns the si
 
 Prescribed with the figures: 0.1 or 0.02 g of white vibration, gyro bias +-3 deg/s with a warm-up of 1 deg/s (60 s) and
 a walk of 0.003 deg/s/sqrt(s), scale error 1 %, g-sensitivity 0.1 deg/s/g, accelerometer offset 2 mg, commands, pushes
-and disturbances. plumb.systems.balancer.vehicle lists the values that the source does not give and that are assumed.
+and disturbances. When commands and pushes come, each run draws; `rocked` is moved as in the paper's figures, at their
+times. plumb.systems.balancer.vehicle lists the values that the source does not give and that are assumed.
 """
 
 from __future__ import annotations

@@ -4,6 +4,9 @@ fusion"): analog ENC-03 gyro and MMA7260 accelerometer into the 12-bit ADC, ever
 Channels, in the order of the raw counts: gyro, acceleration along y (the tilt axis), acceleration along z. Level is
 tilt 0; y then reads 0 g and z 1 g; positive tilt makes y positive, and a positive rate increases it.
 
+The times of `disturb` are those of the paper's figures 2 and 3, and every run has them. When `hold` lets go, each run
+draws; when the bursts of `motion` come, too.
+
 Assumed, not from a data sheet or the paper: gyro noise 0.5 deg/s rms, bias +-2 deg/s at power-up with a warm-up drift
 of 3 deg/s (time constant 100 s) and a walk of 0.005 deg/s/sqrt(s), scale error 1 %, accelerometer offset 3 mg,
 vibration 0.03 g rms at 2 to 12 Hz, six lateral bursts of 0.3 g and 0.15 s, ADC noise 0.7 LSB.
@@ -37,6 +40,7 @@ from plumb.systems.quad.drawn_run import CHANNELS, GYRO, LateNoise, Prescribed, 
 from plumb.systems.quad.lateral import BURST_G, GRID_S, Lateral, fade
 from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
+from plumb.systems.random_events import later_s
 from plumb.systems.run_length import length_s
 
 PERIOD_US = 20_000
@@ -57,8 +61,10 @@ BURSTS, BURST_BETWEEN_S = 6, (15.0, 115.0)
 CONVERGE_TILT_DPS = (-30.0, -5.0)
 CONVERGE_NOISE_G = float(np.radians(0.5))
 
-# `hold`: the hand moves the axis to 20 deg within 0.4 s, rests 0.2 s and lets go.
+# `hold`: the hand moves the axis to 20 deg within 0.4 s, rests 0.2 s and lets go: at these times, or up to HOLD_LATER_S
+# later.
 HOLD_REST_S, HOLD_MOVE_S, HOLD_RELEASE_S, HOLD_TILT_DEG = 3.0, 10.0, 10.6, 20.0
+HOLD_LATER_S = 2.0
 
 SCENARIOS = {
     "motion": "prescribed rolling with vibration and six lateral bursts",
@@ -213,7 +219,8 @@ def scenario(
 
     start bias, drift sign, scale, two offsets, burst times, burst signs, bias walk (steps), vibration (grid),
     gyro noise (steps), accelerometer noise (2, steps), ADC noise (3, steps), torque noise (1 + grid), fault noise
-    (3, steps). A scenario that does not use a value draws it nevertheless, so that seeds are comparable.
+    (3, steps). A scenario that does not use a value draws it nevertheless, so that seeds are comparable. When the hand
+    of `hold` lets go: plumb.systems.random_events.later_s.
     """
     if period_us is None:
         period_us = TUNINGS[TUNING_FOR.get(name, DEFAULT_TUNING)].period_us
@@ -253,7 +260,7 @@ def scenario(
         seed,
         period_us,
         accelerometer,
-        _prescribed(name, points),
+        _prescribed(name, points, hold_later_s(seed) if name == "hold" else 0.0),
         lateral,
         scale,
         offset_g,
@@ -273,8 +280,13 @@ def plant(scenario: Scenario, *, open_loop: bool = False) -> Plant:
     return QuadPlant(scenario, open_loop=open_loop)
 
 
+def hold_later_s(seed: int) -> float:
+    """How much later than HOLD_MOVE_S the hand of `hold` moves the axis in a run."""
+    return later_s(seed, HOLD_LATER_S)
+
+
 @lru_cache(maxsize=16)
-def _prescribed(name: str, points: int) -> Prescribed:
+def _prescribed(name: str, points: int, hold_later_s: float) -> Prescribed:
     t = np.arange(points + 1) * GRID_S
     level, rest = np.zeros(points + 1), t < HOLD_REST_S
     if name in ("motion", "quiet"):
@@ -285,9 +297,10 @@ def _prescribed(name: str, points: int) -> Prescribed:
         tilt = _smooth(lambda s: np.interp(s, [0, 5, 6, 9, 10.5, 14, 15], [12, 12, 35, 35, -25, -25, 0]), points)
         return Prescribed(tilt, level, t < 16.0)
     if name == "hold":
-        pulled = HOLD_TILT_DEG * np.clip((t - HOLD_MOVE_S) / 0.4, 0.0, 1.0)
-        tilt = np.where(t < HOLD_RELEASE_S, pulled, pulled * np.exp(-(t - HOLD_RELEASE_S) / 0.4))
-        return Prescribed(tilt, level, rest | ((t >= HOLD_MOVE_S) & (t < HOLD_RELEASE_S)))
+        move_s, release_s = HOLD_MOVE_S + hold_later_s, HOLD_RELEASE_S + hold_later_s
+        pulled = HOLD_TILT_DEG * np.clip((t - move_s) / 0.4, 0.0, 1.0)
+        tilt = np.where(t < release_s, pulled, pulled * np.exp(-(t - release_s) / 0.4))
+        return Prescribed(tilt, level, rest | ((t >= move_s) & (t < release_s)))
     return Prescribed(level + CONVERGE_TILT_DPS[0], level, t >= 0.0)
 
 

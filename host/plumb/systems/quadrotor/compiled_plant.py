@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from plumb.physics import airframe, ground, pilots, quadrotor
+from plumb.physics import airframe, cascade, ground, pilots, quadrotor
 from plumb.physics.sensors import FAULT_NOISE_LSB, FAULT_RAIL_LSB
 from plumb.spec.arrays import FloatArray
 from plumb.systems.compiled_plants import DrawnRun
@@ -15,16 +15,15 @@ from plumb.systems.quadrotor import courses, vehicle
 from plumb.systems.quadrotor.drawn_run import Scenario
 from plumb.systems.quadrotor.vehicle import Vehicles
 
-PRESCRIBES = False
+PRESCRIBES = True
 _LEANING, _PLACE, _STICKS, _SHUTTLE = range(4)
 _STEERS: dict[pilots.Pilot, int] = {pilots.place: _PLACE, pilots.sticks: _STICKS, pilots.shuttle: _SHUTTLE}
 _WHATS = tuple(courses.HAPPENINGS)
 
 
 def drawn(scenario: Scenario, *, open_loop: bool) -> DrawnRun:
-    """What the Python plant begins with is read from it. open_loop: not in C."""
-    assert not open_loop
-    begins = Vehicles([scenario])
+    """What the Python plant begins with is read from it. open_loop: the controller that knows the truth flies."""
+    begins = Vehicles([scenario], ideal=open_loop)
     numbers = {
         **_times(begins),
         **_frame(begins),
@@ -32,6 +31,7 @@ def drawn(scenario: Scenario, *, open_loop: bool) -> DrawnRun:
         **begins.imu.numbers(),
         **_course(begins.course),
         **_pilot(begins),
+        **_ideal(begins.frame, open_loop=open_loop),
         "turns": float(len(begins.course.turns)),
         "happenings": float(len(begins.course.happenings)),
         "fault_noise_lsb": FAULT_NOISE_LSB,
@@ -46,7 +46,7 @@ def _times(begins: Vehicles) -> Mapping[str, float]:
         "sub_step_s": vehicle.SUB_STEP_S,
         "sub_steps": float(round(begins.period_s / vehicle.SUB_STEP_S)),
         "rest_s": courses.REST_S,
-        "acts_s": courses.ACTS_S,
+        "acts_s": begins.course.acts_s,
         "sag_s": courses.SAG_S,
     }
 
@@ -137,6 +137,21 @@ def _pilot(begins: Vehicles) -> Mapping[str, float]:
     }
 
 
+def _ideal(frame: airframe.Airframe, *, open_loop: bool) -> Mapping[str, float]:
+    return {
+        "ideal": float(open_loop),
+        "attitude_gain": cascade.ATTITUDE_GAIN,
+        "rate_gain": cascade.RATE_GAIN,
+        "yaw_gain": cascade.YAW_GAIN,
+        "rate_integral": cascade.RATE_INTEGRAL,
+        "rate_limit_radps": float(cascade.RATE_LIMIT_RADPS),
+        "integral_limit_rad": cascade.INTEGRAL_LIMIT_RAD,
+        "yaw_limit": cascade.YAW_LIMIT,
+        "moment_m": frame.moment_m,
+        "idle": cascade.IDLE,
+    }
+
+
 def _signals(scenario: Scenario, begins: Vehicles) -> Mapping[str, FloatArray]:
     sensors, wind, course = begins.imu, begins.wind, begins.course
     happenings = [(_WHATS.index(one.what), one.begin_s, one.end_s, one.size, one.number) for one in course.happenings]
@@ -144,6 +159,7 @@ def _signals(scenario: Scenario, begins: Vehicles) -> Mapping[str, FloatArray]:
     return {
         "inertia": np.array(begins.frame.inertia_kgm2),
         "torques": begins.frame.allocation()[1:],
+        "thrusts": np.linalg.inv(begins.frame.allocation()),
         "legs": begins.ground.legs.T,
         "normal": begins.ground.normal,
         "attitude": begins.body.attitude,

@@ -3,6 +3,9 @@
 A flight begins with 5 s at rest on a stand 30 m above the ground, or on the ground. The stand then lets go of a body
 whose rotors turn as in a hover, and 2 s later the pilot begins. Pilots are those of `plumb.physics.pilots`: they see
 place and speed 0.2 s late, and hold the height by eye. In mode rate the sticks follow a table of times.
+
+Times are those of COURSES, and in a course with later_s what the pilot does and what happens comes later by a time that
+each run draws.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from typing import NamedTuple
 
 from plumb.physics import pilots
 from plumb.physics.imu import MPU6050, TWO_CHIPS, ImuGrade
+from plumb.systems.random_events import later_s
 
 REST_S, SETTLED_S = 5.0, 2.0
 ACTS_S = REST_S + SETTLED_S
@@ -31,8 +35,7 @@ MPU6050_LINK, TWO_CHIPS_LINK = {"accel_bus": 2}, {"accel_bus": 0}
 STEP_DPS = 200.0
 
 
-@dataclass(frozen=True)
-class Turn:
+class Turn(NamedTuple):
     """Mode rate from begin_s to end_s: rates of roll, pitch and yaw that the sticks ask for."""
 
     begin_s: float
@@ -82,7 +85,8 @@ class Course:
     from land_at_s on: the throttle is low when the legs are less than touched_m above the ground, and the switch off
     keeps_on_s later. begin_m: height at the beginning otherwise. turns: in mode rate. supply: share of the full thrust
     that the battery gives. held: the stand does not let go, and the throttle stays low; on_its_back: it lies there
-    upside down."""
+    upside down. acts_s: when the pilot begins. later_s: turns, happenings, the landing and the pilot's lean come 0 to
+    so much later, in the course of a run by so much; a pilot that holds a place begins at acts_s."""
 
     title: str
     pilot: pilots.Pilot
@@ -103,6 +107,18 @@ class Course:
     supply: float = 1.0
     held: bool = False
     on_its_back: bool = False
+    acts_s: float = ACTS_S
+    later_s: float = 0.0
+
+    def moved(self, later_s: float) -> Course:
+        """The course in which all of this comes so much later."""
+        turns = (one._replace(begin_s=one.begin_s + later_s, end_s=one.end_s + later_s) for one in self.turns)
+        happenings = (one._replace(begin_s=one.begin_s + later_s, end_s=one.end_s + later_s) for one in self.happenings)
+        leans_s = later_s if isinstance(self.pilot, pilots.Leaning) else 0.0
+        return replace(
+            self, acts_s=self.acts_s + leans_s, land_at_s=self.land_at_s + later_s, turns=tuple(turns),
+            happenings=tuple(happenings), later_s=later_s,
+        )  # fmt: skip
 
     def lasting(self, what: str, time_s: float) -> Happening | None:
         """The last of these happenings that lasts at a time."""
@@ -117,13 +133,13 @@ turns_about = pilots.Leaning(yaw_radps=180.0 * pilots.DEG, until_s=LEAN_S)
 
 CALM = Course("calm, a pilot holds the place", pilots.place)
 WINDY = replace(CALM, title="wind of 5 m/s with gusts, a pilot holds the place", wind_mps=WIND_MPS)
-LEVEL = Course("sticks centred", pilots.centred, 12.0)
+LEVEL = Course("sticks centred", pilots.centred, 14.0, later_s=3.0)
 COURSES = {
     "calm": CALM,
     "wind": WINDY,
-    "take-off": Course("take-off and landing", pilots.place, 30.0, lands=True),
+    "take-off": Course("take-off and landing", pilots.place, 30.0, lands=True, land_at_s=16.0, later_s=4.0),
     "sticks": Course("sticks: +-35 deg, a new value every 0.7 s", pilots.sticks),
-    "lean": Course("20 deg of pitch for 2 s, sticks centred before and after", leans, 12.0),
+    "lean": Course("20 deg of pitch for 2 s, sticks centred before and after", leans, 14.0, later_s=3.0),
     "rate": replace(
         LEVEL, title="mode rate: 200 deg/s of roll for 0.3 s, and back", turns=(
             Turn(ACTS_S, ACTS_S + 0.3, (STEP_DPS, 0.0, 0.0)), Turn(ACTS_S + 0.3, ACTS_S + 0.6, (-STEP_DPS, 0.0, 0.0)),
@@ -145,28 +161,37 @@ COURSES = {
         happenings=(Happening(KICK, HAPPENS_S, HAPPENS_S + KICK_S, KICK_RADPS),),
     ),
     "gust": replace(
-        CALM, title="a step of the wind by 6 m/s", seconds=14.0,
+        CALM, title="a step of the wind by 6 m/s", seconds=14.0, later_s=3.0,
         happenings=(Happening(GUST, HAPPENS_S, size=GUST_MPS),),
     ),
     "weak": replace(
-        CALM, title="one rotor loses a fifth of its thrust", seconds=14.0,
+        CALM, title="one rotor loses a fifth of its thrust", seconds=14.0, later_s=3.0,
         happenings=(Happening(WEAK, HAPPENS_S, size=1.0 - WEAK_SHARE),),
     ),
-    "yaw": Course("a full stick of yaw for 2 s with an empty battery", turns_about, 12.0, supply=0.45),
-    "lost": replace(CALM, title="the receiver is lost for good", seconds=11.0, happenings=(Happening(DEAF, 8.0),)),
+    "yaw": Course("a full stick of yaw for 2 s with an empty battery", turns_about, 14.0, supply=0.45, later_s=3.0),
+    "lost": replace(
+        CALM, title="the receiver is lost for good", seconds=12.0, begin_m=60.0, later_s=2.0,
+        happenings=(Happening(DEAF, 8.0),),
+    ),
     "heard-again": replace(
-        CALM, title="the receiver is lost for 0.4 s", seconds=12.0, happenings=(Happening(DEAF, 8.0, 8.4),)
+        CALM, title="the receiver is lost for 0.4 s", seconds=12.0, later_s=2.0, happenings=(Happening(DEAF, 8.0, 8.4),)
     ),
     "lost-low": replace(
         CALM, title="the receiver is lost just above the ground", seconds=12.0, lands=True, climb_m=0.5, land_at_s=6.0,
-        happenings=(Happening(DEAF, 6.2),),
+        later_s=2.0, happenings=(Happening(DEAF, 6.2),),
     ),
     "cut": replace(
-        CALM, title="the throttle is cut, then the receiver lost", seconds=9.0,
+        CALM, title="the throttle is cut, then the receiver lost", seconds=11.0, later_s=2.0,
         happenings=(Happening(CUT, 8.0), Happening(DEAF, 8.02)),
     ),
     "idle": Course("on its stand, rotors on, the throttle low", pilots.centred, 16.0, held=True, vibration_g=0.0),
     "on-its-back": Course("on its back, rotors on, the throttle low", pilots.centred, 8.0, held=True, on_its_back=True),
     "two-chips": replace(WINDY, title="wind of 5 m/s, ADXL345 and ITG-3205", grade=TWO_CHIPS),
 }  # fmt: skip
-"""Name -> flight."""
+"""Name -> flight, its times the earliest."""
+
+
+def drawn(name: str, seed: int) -> Course:
+    """The flight of a run."""
+    course = COURSES[name]
+    return course.moved(later_s(seed, course.later_s))

@@ -106,6 +106,8 @@ static void follow(void *plant, double time_s, const int32_t *outputs) {
         double command[ROTORS];
         for (int32_t i = 0; i < ROTORS; i++)
             command[i] = outputs ? clip((outputs[i] - IDLE_HALFUS) / SPAN_HALFUS, 0.0, 1.0) : 0.0;
+        if (is->ideal != 0.0)
+            ideal_command(f, command);
         const double at_s = now_s(f);
         f->step++;
         wind_advance(f);
@@ -181,14 +183,16 @@ __attribute__((visibility("default"))) const plant_t plumb_plant_quadrotor = {
         "speed_per_s,place_sum_per_s3,place_sum_most_ms,sticks_rad,sticks_every_s,shuttle_rad,shuttle_s,"
         "height_per_s2,climb_per_s,height_sum_per_s3,height_sum_most_ms,thrust_most_n,"
         "frame_s,frame_numbers,full,stick_lean,stick_rate_dps,stick_yaw_dps,"
+        "ideal,attitude_gain,rate_gain,yaw_gain,rate_integral,rate_limit_radps,integral_limit_rad,yaw_limit,"
+        "moment_m,idle,"
         "turns,happenings,fault_noise_lsb,fault_rail_lsb",
-    /* inertia (3), torques by thrusts (3, 4), legs (4, 3), normal of the ground (3), attitude (4), begin (3),
-     * phases (4); of the gusts: what their filters hold (5), their shares (3) and their new parts (3); gyro
-     * (3, 3), (3), (3); accelerometer (3); turns and happenings, a row each; sticks (times, 2); noise (steps,
-     * 9); of faults (6, steps). */
-    .signals =
-        "inertia,torques,legs,normal,attitude,begin_m,phase_rad,gusts_kept,gusts_share,gusts_new,gyro_matrix,"
-        "gyro_bias_dps,gyro_warm_up_dps,accel_offset_g,turns,happenings,sticks,noise,fault_noise",
+    /* inertia (3), torques by thrusts (3, 4), thrusts by collective and torques (4, 4), legs (4, 3), normal
+     * of the ground (3), attitude (4), begin (3), phases (4); of the gusts: what their filters hold (5),
+     * their shares (3) and their new parts (3); gyro (3, 3), (3), (3); accelerometer (3); turns and
+     * happenings, a row each; sticks (times, 2); noise (steps, 9); of faults (6, steps). */
+    .signals = "inertia,torques,thrusts,legs,normal,attitude,begin_m,phase_rad,gusts_kept,gusts_share,gusts_"
+               "new,gyro_matrix,"
+               "gyro_bias_dps,gyro_warm_up_dps,accel_offset_g,turns,happenings,sticks,noise,fault_noise",
     .truth = "up_x,up_y,up_z,rate_x_dps,rate_y_dps,rate_z_dps,bias_x_dps,bias_y_dps,bias_z_dps,lean_deg,"
              "asked_roll_deg,asked_pitch_deg,height_m,clear_m,pressed,climb_mps,speed_mps,happening",
     .bytes = sizeof(flight_t),

@@ -42,6 +42,8 @@ typedef struct {
         shuttle_rad, shuttle_s;
     double height_per_s2, climb_per_s, height_sum_per_s3, height_sum_most_ms, thrust_most_n;
     double frame_s, frame_numbers, full, stick_lean, stick_rate_dps, stick_yaw_dps;
+    double ideal, attitude_gain, rate_gain, yaw_gain, rate_integral, rate_limit_radps, integral_limit_rad,
+        yaw_limit, moment_m, idle;
     double turns, happenings, fault_noise_lsb, fault_rail_lsb;
 } numbers_t;
 
@@ -49,6 +51,7 @@ typedef struct {
 enum {
     INERTIA = 0,
     TORQUES,
+    THRUSTS,
     LEGS,
     NORMAL,
     ATTITUDE,
@@ -89,6 +92,7 @@ typedef struct {
     flown_t pilot;
     double straight_mps, first_mps[2], second_mps[2];
     double waiting[DELAY_STEPS + 1][ROTORS], felt_dps[AXES], felt_g[AXES];
+    double ideal_sum_rad[AXES]; /* of the controller that knows the truth */
     int32_t step;
     plant_frozen_t frozen;
 } flight_t;
@@ -137,5 +141,8 @@ void imu_counts(const flight_t *f, int16_t *counts);
 /* What the pilot asks for now; the receiver hears it with its next frame. */
 void pilot_begin(flight_t *f);
 void pilot_now(flight_t *f);
+
+/* Commands of the rotors, 0 to 1, by the controller that knows the truth. */
+void ideal_command(flight_t *f, double command[ROTORS]);
 
 #endif

@@ -119,7 +119,7 @@ def scenario(
     """Draw a run. One generator per seed, in this order:
 
     errors of the sensors (18), headings of nose and wind (2), phases of the rotors (4), gusts at the start (5), sticks
-    (1200, 2), noise (steps, 9), fault noise (6, steps).
+    (1200, 2), noise (steps, 9), fault noise (6, steps). When the events come: plumb.systems.random_events.later_s.
     """
     if period_us % SUB_STEP_US:
         raise UsageError(f"the physics take steps of {SUB_STEP_US} us: a period is a whole number of them")
@@ -139,6 +139,7 @@ def scenario(
 @lru_cache(maxsize=64)
 def _drawn(name: str, seed: int, steps: int, period_us: int, faults: tuple[Fault, ...]) -> Scenario:
     """Cached: the prescribed flight of a run is part of it."""
+    course = courses.CALM if name == RANDOM else courses.drawn(name, seed)
     rng = np.random.default_rng(seed)
     imu = rng.standard_normal(DRAWS)
     heading, wind = rng.uniform(0.0, 2.0 * np.pi, 2)
@@ -148,6 +149,6 @@ def _drawn(name: str, seed: int, steps: int, period_us: int, faults: tuple[Fault
     noise = rng.standard_normal((steps, NOISES))
     fault_noise = rng.standard_normal((len(FAULT_CHANNELS), steps))
     return Scenario(
-        name, seed, period_us, courses.COURSES.get(name, courses.CALM), FRAME, imu, np.array(heading), np.array(wind),
-        phase, gusts, sticks, noise, fault_noise, faults,
+        name, seed, period_us, course, FRAME, imu, np.array(heading), np.array(wind), phase, gusts, sticks, noise,
+        fault_noise, faults,
     )  # fmt: skip

@@ -203,7 +203,7 @@ class Vehicles:
             self._sum_ms = np.clip(sum_ms, -PLACE_SUM_MOST_MS, PLACE_SUM_MOST_MS)
         nose = body.matrix[:2, 0]
         heading = nose / np.maximum(length(nose), 1e-6)
-        acts_s = now_s - courses.ACTS_S
+        acts_s = now_s - course.acts_s
         knows = pilots.Seen(max(acts_s, 0.0), position, velocity, heading, self._sticks, self._sum_ms)
         roll, pitch, self.yaw_radps = (pilots.centred if acts_s < 0.0 else course.pilot)(knows)
         self.lean_rad = np.stack([roll, pitch])

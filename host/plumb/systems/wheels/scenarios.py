@@ -101,6 +101,7 @@ def scenario(
 
     errors of the sensors (18), battery, times of speeds and speeds, times of pushes and pushes, push on
     ice, rough ground (grid), noise of the sensors (steps, 6), vibration (steps, 3), fault noise (7, steps).
+    When what else happens comes: plumb.systems.random_events.later_s.
     """
     seconds = length_s("wheels", name, SECONDS, seconds, period_us, PERIODS_US, seed)
     run = _drawn(name, seed, round(seconds * 1e6 / period_us), period_us, faults)
@@ -120,7 +121,7 @@ def scenario(
 @lru_cache(maxsize=64)
 def _drawn(name: str, seed: int, steps: int, period_us: int, faults: tuple[Fault, ...]) -> Scenario:
     """Cached: the prescribed ride of a run is part of it."""
-    ride = RANDOM_BASE if name == RANDOM else rides.RIDES[name]
+    ride = RANDOM_BASE if name == RANDOM else rides.drawn(name, seed)
     rng, period_s = np.random.default_rng(seed), period_us * 1e-6
     seconds = steps * period_s
     t, grid_s = np.arange(steps) * period_s, np.arange(round(seconds / GRID_S)) * GRID_S
@@ -136,12 +137,12 @@ def _drawn(name: str, seed: int, steps: int, period_us: int, faults: tuple[Fault
     push = _rough(rng.standard_normal(len(grid_s)) * (grid_s >= balancer.DISTURBED_S))
     for at_s, size in zip(push_s, push_mps2, strict=True):
         push += one_motor.PUSH_RADPS2_PER_MPS2 * size * ((grid_s >= at_s) & (grid_s < at_s + balancer.PUSH_S))
-    slips_s = rides.HAPPENS_S + rides.ON_ICE_S
+    happens_s, slips_s = ride.happens_s, ride.happens_s + ride.slips_s
     if ride.ice_s:
         slid = one_motor.PUSH_RADPS2_PER_MPS2 * ice_mps2
         push += slid * ((grid_s >= slips_s) & (grid_s < slips_s + balancer.PUSH_S))
     if ride.topples:
-        push += TOPPLE_RADPS2 * ((grid_s >= rides.HAPPENS_S) & (grid_s < rides.HAPPENS_S + balancer.PUSH_S))
+        push += TOPPLE_RADPS2 * ((grid_s >= happens_s) & (grid_s < happens_s + balancer.PUSH_S))
     asked_mps = speed_mps[np.searchsorted(speed_s, t, side="right")]
     if ride.speed_mps is not None:
         asked_mps = np.where(t < slips_s, ride.speed_mps, ride.then_mps) * (t >= rides.BEGINS_S)

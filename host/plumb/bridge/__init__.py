@@ -1,1 +1,0 @@
-"""The sensor bridge: the simulated sensor board, and the frames of two buses forwarded and counted."""

@@ -1,0 +1,1 @@
+"""Sources of samples: recordings, the sensor board, the bridge between two buses."""

@@ -1,1 +1,0 @@
-"""Readers of logs, frame files and recordings, and their replay on a board."""

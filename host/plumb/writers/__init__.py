@@ -1,1 +1,0 @@
-"""Writers of logs and of the formats of other tools: files, pages, datagrams."""
