@@ -19,8 +19,9 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "host" / "plumb"
 FLOORS = [
     "checkout", "version", "process_signals", "errors", "extras", "near_names", "files", "spec", "physics",
-    "kernels", "tuning", "link", "flash", "f103", "systems", "boards", "proof", "inputs", "analyses", "bench",
-    "campaign", "api", "aio", "__init__", "cockpit", "cli", "pytest_plugin", "judging", "__main__",
+    "kernels", "tuning", "link", "flash", "f103", "systems", "boards", "proof", "readers", "writers", "bridge",
+    "calibration", "analyses", "bench", "campaign", "api", "aio", "__init__", "cockpit", "cli", "pytest_plugin",
+    "judging", "__main__",
 ]  # fmt: skip
 """From the ground up."""
 CHIP = {"plumb.errors", "plumb.extras", "plumb.process_signals", "plumb.flash.image", "plumb.flash.rom_model"}

@@ -9,7 +9,7 @@ import pytest
 
 TESTS = Path(__file__).resolve().parent
 FLOORS = {path.name for path in (TESTS.parent / "host" / "plumb").iterdir() if (path / "__init__.py").exists()}
-OTHERS = {"support", "c", "defects", "fuzz", "library", "vectors", "second_chip", "toy_systems"}
+OTHERS = {"support", "c", "defects", "fuzz", "library", "vectors", "second_chip", "toy_systems", "guest_systems"}
 """What tests share, the tests in C, declared defects of the firmware, the tests of the C library as it is installed,
 the fuzz targets, the golden vectors, the chip model that is written a second time,
 and a system that is added from outside."""

@@ -21,14 +21,11 @@ from plumb.boards.native import NativeBoard
 from plumb.physics import disturbance
 from plumb.spec import declarations
 from plumb.spec.records import Words
+from plumb.spec.system import AXIS, RIDE
 from plumb.systems.contracts import PushedSystem, tuning_for
 from plumb.tuning.quantise import ControlParams, quantise
 
-SYSTEMS = tuple(
-    name
-    for name, declared in declarations.systems().items()
-    if declared.is_driven and declared.checked_by == "plausibility"
-)
+SYSTEMS = tuple(name for name, declared in declarations.systems().items() if declared.checks in (AXIS, RIDE))
 """Systems with an actuator; one that flies is never disarmed by such a check."""
 
 

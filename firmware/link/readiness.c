@@ -4,26 +4,51 @@
 
 #define US_Q33 8590U /* 1 us in s Q33, 8 ppm too long; periods are 0.1 s at most */
 
-#define USED_PLAUSIBILITY (USED_PULSES || USED_BRIDGE || USED_WHEELS)
-
 /* NULL: nothing is plausible or not. */
 static const plumb_plausibility_bounds_t *bounds_of(const control_system_t *checked) {
-    return USED_PLAUSIBILITY && checked != NULL ? checked->plausibility : NULL;
+    return USED_CHECKS_AXIS && checked != NULL ? checked->plausibility : NULL;
 }
 
 static bool flies(const control_system_t *checked) {
-    return USED_ROTORS && checked != NULL && checked->takeoff != NULL;
+    return USED_CHECKS_FLIGHT && checked != NULL && checked->takeoff != NULL;
 }
 
 static bool rolls(const control_system_t *checked) {
-    return USED_WHEELS && checked != NULL && checked->output == CONTROL_OUTPUT_WHEELS;
+    return USED_CHECKS_RIDE && bounds_of(checked) != NULL && checked->plausibility->stopped != 0;
 }
+
+#if USED_CHECKS_OWN
+static bool checks_itself(const control_system_t *checked) {
+    return checked != NULL && (checked->fails | checked->unready) != 0U;
+}
+
+/* The setpoint, which is not 0 before arming either, is the word behind the inputs. */
+static void follow_own(readiness_t *r, const control_system_t *checked, const uint32_t *words) {
+    const uint32_t flags = words[checked->record_words - 2U];
+    const unsigned setpoint = words[checked->inputs] != 0U ? PLUMB_PLAUSIBILITY_SETPOINT : 0U;
+    const unsigned unready = (flags & checked->unready) != 0U ? READINESS_OWN_UNREADY : 0U;
+
+    r->now.own.failed = (flags & checked->fails) != 0U ? READINESS_OWN_FAILED : 0U;
+    r->now.own.missing = (uint16_t)(setpoint | unready);
+}
+#else
+static bool checks_itself(const control_system_t *checked) {
+    (void)checked;
+    return false;
+}
+
+static void follow_own(readiness_t *r, const control_system_t *checked, const uint32_t *words) {
+    (void)r, (void)checked, (void)words;
+}
+#endif
 
 void readiness_begin(readiness_t *r, const control_system_t *system) {
     if (flies(system)) {
         plumb_takeoff_init(&r->now.takeoff);
     } else if (bounds_of(system) != NULL) {
         plumb_plausibility_init(&r->now.plausibility);
+    } else if (checks_itself(system)) {
+        r->now.own = (readiness_own_t){.missing = PLUMB_PLAUSIBILITY_SETTLING};
     }
     r->disarmed_by = 0;
     r->stopped = 0;
@@ -32,6 +57,9 @@ void readiness_begin(readiness_t *r, const control_system_t *system) {
 static uint16_t failed(const readiness_t *r, const control_system_t *checked) {
     if (flies(checked)) {
         return r->stopped;
+    }
+    if (checks_itself(checked)) {
+        return r->now.own.failed;
     }
     const unsigned stopped = rolls(checked) ? r->stopped : 0U;
 
@@ -55,6 +83,8 @@ void readiness_step(readiness_t *r, const control_system_t *checked, const param
         if (rolls(checked)) {
             r->stopped = reason(words, bounds->stopped);
         }
+    } else if (checks_itself(checked)) {
+        follow_own(r, checked, words);
     }
     if (armed && failed(r, checked) != 0) {
         r->disarmed_by = failed(r, checked); /* by the next poll */
@@ -64,6 +94,9 @@ void readiness_step(readiness_t *r, const control_system_t *checked, const param
 static uint16_t missing(const readiness_t *r, const control_system_t *checked) {
     if (flies(checked)) {
         return (uint16_t)(r->now.takeoff.missing | r->outside);
+    }
+    if (checks_itself(checked)) {
+        return (uint16_t)(r->now.own.missing | r->outside);
     }
     const unsigned outside = rolls(checked) ? r->outside : 0U;
 

@@ -1,5 +1,6 @@
-/* Readiness: turns the plausibility of the sensors, or the conditions for a takeoff, into reasons against
- * arming, and reports them to hosts.
+/* Readiness: turns what checks the output of a system (plausibility of the sensors, conditions for a takeoff,
+ * flags of its own step) into reasons against arming, and reports them to hosts. A system without checks is
+ * always ready.
  *
  * Only real-time runs of a system that moves something are checked; else `checked` is NULL and nothing
  * blocks. In lockstep nothing is checked, because nothing can be armed. */
@@ -20,14 +21,26 @@
 #define READINESS_BATTERY_LOW     0x0100U /* its voltage is below battery_min_mv */
 #define READINESS_BATTERY_UNKNOWN 0x0200U /* its voltage is not known, or none that a battery has */
 
+/* Of a system whose output is checked by flags of its step: beside PLUMB_PLAUSIBILITY_ACCEL and so on in
+ * failed, beside READINESS_RECEIVER and so on in missing. */
+#define READINESS_OWN_FAILED  0x0008U
+#define READINESS_OWN_UNREADY 0x0800U
+
 /* Why the step of a vehicle has stopped its motors begins at this bit of failed and disarmed_by. */
 #define READINESS_STOPPED_SHIFT 8U
 #define READINESS_FALLEN        0x2000U /* one of these reasons: it fell, until the run ends */
+
+/* What the last step found by its own flags. */
+typedef struct {
+    uint16_t failed;
+    uint16_t missing;
+} readiness_own_t;
 
 typedef struct {
     union {
         plumb_plausibility_t plausibility;
         plumb_takeoff_t takeoff; /* of a system that flies */
+        readiness_own_t own;     /* of one that checks itself */
     } now;
     uint16_t disarmed_by; /* PLUMB_PLAUSIBILITY_ACCEL and so on: the checks that failed last while armed */
     uint16_t stopped;     /* why the step of a vehicle has stopped the motors, shifted; 0: it has not */

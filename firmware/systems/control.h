@@ -13,6 +13,7 @@
 #define PLUMB_SYSTEMS_CONTROL_H
 
 #include "generated/system_headers.h"
+#include "generated/used_parts.h"
 #include "plumb/plausibility.h"
 #include "plumb/takeoff.h"
 #include <stddef.h>
@@ -59,8 +60,12 @@ typedef struct {
 /* Properties of a system, without its code. */
 typedef struct {
     const control_frame_t *frames;
-    const plumb_plausibility_bounds_t *plausibility; /* NULL for one that moves nothing, or flies */
-    const plumb_takeoff_bounds_t *takeoff;           /* NULL for one that does not fly */
+    const plumb_plausibility_bounds_t *plausibility; /* of the checks `axis` and `ride`, else NULL */
+    const plumb_takeoff_bounds_t *takeoff;           /* of the checks `flight`, else NULL */
+#if USED_CHECKS_OWN
+    uint32_t fails;   /* flags of the step by which the system's own checks fail */
+    uint32_t unready; /* flags of the step by which it is not ready to be armed */
+#endif
     uint32_t saturated; /* flags that say that a raw count was outside its range */
     uint16_t record_words;
     uint16_t noisy; /* bits of the raw counts that calibrated sensors give: at rest they are not constant */

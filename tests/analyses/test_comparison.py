@@ -24,7 +24,7 @@ from plumb.analyses.comparison.samples import (
 )
 from plumb.analyses.comparison.table import compare, of_recordings, row_of
 from plumb.errors import UsageError
-from plumb.inputs import recording
+from plumb.readers import recording
 
 FloatArray = npt.NDArray[np.float64]
 HZ = 100.0

@@ -9,7 +9,7 @@ from plumb.analyses.comparison import motions
 from plumb.analyses.comparison.contenders import contenders
 from plumb.analyses.comparison.samples import Motion, error_deg
 from plumb.analyses.comparison.table import compare
-from plumb.inputs.recording import G_MPS2
+from plumb.readers.recording import G_MPS2
 
 NAMES = [
     "arm-170", "arm-200", "arm-230", "dash-5", "dash-12", "dash-20", "roundabout-15", "roundabout-40", "bank-turn",

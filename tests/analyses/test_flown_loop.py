@@ -16,7 +16,7 @@ from plumb.boards import native_core
 from plumb.boards.contract import RawCounts, Setpoints
 from plumb.boards.native import NativeBoard
 from plumb.errors import UsageError
-from plumb.inputs.log_file import Frames
+from plumb.readers.log_file import Frames
 from plumb.spec.protocol import protocol
 from plumb.systems.quadrotor import scenarios
 from plumb.systems.quadrotor.plant import QuadrotorPlant

@@ -12,7 +12,7 @@ import pytest
 import plumb
 from plumb import __main__ as front
 from plumb import systems
-from plumb.inputs.log_file import Frames
+from plumb.readers.log_file import Frames
 from plumb.spec.protocol import protocol
 from support.recordings import GAINS, recorded_run, with_frames
 

@@ -21,7 +21,7 @@ from plumb.campaign.recorded import DATA
 from plumb.campaign.results import Results
 from plumb.campaign.study import from_table
 from plumb.errors import UsageError
-from plumb.inputs import recording
+from plumb.readers import recording
 
 NAMES = ("slow.npz", "fast.npz")
 

@@ -11,8 +11,8 @@ import pytest
 
 from plumb import __main__ as front
 from plumb import systems
-from plumb.inputs import run_parts
-from plumb.inputs.log_file import Frames
+from plumb.readers import run_parts
+from plumb.readers.log_file import Frames
 from plumb.spec.protocol import protocol
 from plumb.spec.records import Words
 from plumb.systems import run_fixed

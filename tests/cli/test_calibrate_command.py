@@ -11,8 +11,8 @@ import pytest
 from plumb import __main__ as front
 from plumb.boards.held import HeldBoard, open_held
 from plumb.boards.link import LinkBoard
+from plumb.calibration.axis_calibration import Calibrated, Calibration
 from plumb.errors import UsageError, VerdictError
-from plumb.inputs.calibration import Calibrated, Calibration
 from plumb.link import parameter_table
 from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name

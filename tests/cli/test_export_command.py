@@ -14,11 +14,11 @@ import pyarrow.parquet as parquet
 import pytest
 
 from plumb import __main__ as front
-from plumb.inputs import log_export
-from plumb.inputs.log_file import Frames
-from plumb.inputs.log_replay import RecordedRun, open_log, runs_of
+from plumb.readers.log_file import Frames
+from plumb.readers.log_replay import RecordedRun, open_log, runs_of
 from plumb.spec import dbc
 from plumb.spec.protocol import protocol
+from plumb.writers import log_export
 from support.recordings import recorded_run, with_frames
 
 
@@ -192,7 +192,7 @@ def test_a_log_without_a_run_still_gives_its_frames(
 ) -> None:
     path = tmp_path / "bare.blf"
     empty = tmp_path / "empty.plog"
-    from plumb.inputs.log_writer import LogWriter
+    from plumb.writers.log_writer import LogWriter
 
     with LogWriter(empty, {"command": "a test"}) as writer:
         writer.add([(0x7E1, bytes(8))], 1.0)

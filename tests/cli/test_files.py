@@ -20,9 +20,9 @@ from plumb import systems
 from plumb.boards.flash_file import SLOTS_BYTES, read_slots
 from plumb.errors import UsageError
 from plumb.files import input_files, whole_files
-from plumb.inputs import recording, recording_files
-from plumb.inputs.recorder import FrameLog
 from plumb.link.transports import serial_ports
+from plumb.readers import recording, recording_files
+from plumb.writers.recorder import FrameLog
 
 FULL = Path("/dev/full")
 ENDLESS = Path("/dev/zero")

@@ -55,7 +55,7 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_run(
         raise AssertionError("the run has begun")
 
     monkeypatch.setattr("plumb.proof.scenario_run.perform", too_late)
-    monkeypatch.setattr("plumb.inputs.replay.prepare", too_late)
+    monkeypatch.setattr("plumb.readers.replay.prepare", too_late)
     for name in ("file", "walk.csv"):
         (tmp_path / name).touch()
     monkeypatch.chdir(tmp_path)

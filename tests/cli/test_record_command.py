@@ -18,18 +18,18 @@ from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.cli import link_test
 from plumb.errors import UsageError
-from plumb.inputs import log_replay
-from plumb.inputs.recorder import FrameLog, Recorder, RunMemory
 from plumb.link import monitor
 from plumb.link.selection import raw_frames_of
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import serve_bus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.link.transports.slcan_server import AdapterBus
+from plumb.readers import log_replay
 from plumb.spec import dbc, declarations
 from plumb.spec.parameters import table
 from plumb.spec.protocol import protocol
 from plumb.tuning.quantise import quantise
+from plumb.writers.recorder import FrameLog, Recorder, RunMemory
 from support.declared_systems import of_declared
 from support.native_board import NativeBoard
 
@@ -275,7 +275,7 @@ def test_what_is_recorded_is_on_the_disk_within_a_quarter_of_a_second(
     board: NativeBoard, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a recorder that is killed leaves it."""
-    monkeypatch.setattr("plumb.inputs.log_writer.FLUSH_EVERY_S", 0.0)
+    monkeypatch.setattr("plumb.writers.log_writer.FLUSH_EVERY_S", 0.0)
     path = tmp_path / "run.plog"
     recorder = Recorder(session, path, {})
     session.listener = recorder.feed

@@ -14,7 +14,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual
 from plumb import __main__ as front
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
-from plumb.inputs import log_replay
+from plumb.readers import log_replay
 from support import slow_time
 
 try:

@@ -13,11 +13,11 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.boards.link import LinkBoard
+from plumb.calibration import rest_check
 from plumb.cli import setup
 from plumb.cli.questions import Answers, Terminal
 from plumb.errors import LinkError, UsageError
 from plumb.files import settings
-from plumb.inputs import rest_check
 from plumb.link import discovery, parameter_history, parameter_table
 from plumb.link.discovery import Answer, Candidate
 from plumb.link.identity import Identity
@@ -115,7 +115,7 @@ def test_an_image_without_a_system_that_has_poses_is_named(
 def test_a_sensor_that_is_missing_ends_it(board: NativeBoard, monkeypatch: pytest.MonkeyPatch) -> None:
     with Session.open(board) as session:
         setup.look_at_sensors(session)
-        monkeypatch.setattr("plumb.inputs.calibration.sensors_text", lambda said: ["gyro: does not answer"])
+        monkeypatch.setattr("plumb.calibration.axis_calibration.sensors_text", lambda said: ["gyro: does not answer"])
         with pytest.raises(LinkError, match=r"gyro: does not answer: wire it as in docs/wiring"):
             setup.look_at_sensors(session)
 

@@ -16,11 +16,11 @@ from plumb.cockpit.hold import TIMEOUT_S
 from plumb.cockpit.samples import PIECE_HEADER
 from plumb.cockpit.setpoint import StepTest, setpoint_of
 from plumb.errors import UsageError
-from plumb.inputs import log_replay
-from plumb.inputs.recorder import Recorder
 from plumb.link import parameter_table
 from plumb.link.session import Session
+from plumb.readers import log_replay
 from plumb.spec.parameter_file import by_name
+from plumb.writers.recorder import Recorder
 from support.cockpit_bench import HOLDER, NEUTRAL_HALFUS, CockpitBench, colour, run_number
 from support.recordings import GAINS
 

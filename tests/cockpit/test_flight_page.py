@@ -16,7 +16,7 @@ from plumb.cockpit.page_server import PageServer
 from plumb.cockpit.steering import transmitter
 from plumb.cockpit.steering.trip_loop import TripLoop
 from plumb.cockpit.steering.trip_page import ASSETS
-from plumb.inputs import log_replay
+from plumb.readers import log_replay
 from support.chromium import PATIENCE_S, Chromium, Page
 from support.trip_bench import PAD, press, steering
 

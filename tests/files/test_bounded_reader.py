@@ -14,7 +14,7 @@ import pytest
 from plumb.errors import UsageError
 from plumb.files import reader_process
 from plumb.files.bounded_reader import MIB, Limits, pieces_of
-from plumb.inputs.log_replay import open_log
+from plumb.readers.log_replay import open_log
 
 SMALL = Limits(cpu_s=(60.0, 0.0), memory_bytes=(200 * MIB, 0), output_bytes=(1 * MIB, 0), written_bytes=(4 * MIB, 0))
 BRIEF = replace(SMALL, cpu_s=(0.5, 0.0))

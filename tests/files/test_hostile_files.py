@@ -19,14 +19,15 @@ from plumb.files import settings, toml_text
 from plumb.flash import packaged_images
 from plumb.flash.elf import Elf
 from plumb.flash.image import find_image, load_own_image
-from plumb.inputs import log_export, recording
-from plumb.inputs.log_replay import chosen, open_log, runs_of
 from plumb.link import parameter_history
 from plumb.link.transports.open_bus import LogBus
 from plumb.proof import golden_manifest, golden_recipe
 from plumb.proof.golden_file import Vector
+from plumb.readers import recording
+from plumb.readers.log_replay import chosen, open_log, runs_of
 from plumb.spec import parameter_file, parameters
 from plumb.tuning import quantities_file
+from plumb.writers import log_export
 from support import hostile_files
 from support.campaigns import campaign
 from support.hostile_trial import BLOCK, WHOLE, try_block

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from plumb.boards import serve
+from plumb.bridge.sensor_board import SensorBoard
 from plumb.f103.core.timeline import TICKS_PER_S
-from plumb.inputs.sensor_board import SensorBoard
 from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.transports.open_bus import serve_bus
 from plumb.spec import dbc

@@ -43,7 +43,7 @@ except UsageError as missing:
     pytest.skip(str(missing), allow_module_level=True)
 
 
-FLIES = [name for name in DRIVEN if declarations.system(name).checked_by == "takeoff"]
+FLIES = [name for name in DRIVEN if declarations.system(name).checks == "flight"]
 SAMPLES = {
     "ROTORS": (
         "crash-without-reset", "crystal-fails", "host-silent", "loop-hangs", "pulses-wild",

@@ -19,7 +19,9 @@ from plumb.boards.native import NativeBoard
 from plumb.boards.native_core import core_path
 from plumb.checkout import CHECKOUT
 from plumb.errors import UsageError
+from plumb.judging import angles
 from plumb.proof import limits, run_identity, runs
+from plumb.proof.measures import main_of
 from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import quantise
@@ -140,7 +142,7 @@ def test_a_measured_limit_stands_where_none_was_asked_for() -> None:
     inputs = runs.prescribed(quad.scenario("motion", 3, seconds=12.0))
     run = runs.open_loop(NativeBoard(), inputs, quantise(quad.TUNINGS["paper"]))
     [row] = run.summary(**{**HEADING, "tuning": "paper"})["accuracy_limits"]
-    assert (row["metric"], row["basis"], row["kept"]) == (limits.RMS, limits.BASIS, True)
+    assert (row["metric"], row["basis"], row["kept"]) == (angles.MAIN, limits.BASIS, True)
     assert row["value"] == limits.table("quad", "open", "motion", shorter=True)["paper"]
     text = run.accuracy({**HEADING, "tuning": "paper"}).text
     assert f"within the limit: at most {row['value']:g} deg rms ({limits.BASIS}; for less than 120 s)" in text
@@ -151,5 +153,6 @@ def test_a_measured_limit_stands_where_none_was_asked_for() -> None:
 @pytest.mark.parametrize(("reached", "verdict"), [(0.9, "pass"), (1.0, "pass"), (1.1, "fail"), (None, None)])
 def test_a_limit_holds_up_to_its_value(reached: float | None, verdict: str | None) -> None:
     most, least = limits.Limit("angle_rmse_deg", "at most", 1.0, "deg"), limits.Limit("gain", "at least", -1.0, "%")
-    found = limits.judged({"angle_rmse_deg": reached, "gain": None if reached is None else -reached}, [most, least])
+    metrics = {"angle_rmse_deg": reached, "gain": None if reached is None else -reached}
+    found = limits.judged(metrics, [most, least], main_of("quad"))
     assert found.verdict == verdict

@@ -13,6 +13,7 @@ from plumb.spec.system import System
 
 ERROR = '{ name = "error_counts_q16", type'
 """The second entry of the record."""
+DRIVEN = 'kind = "BRIDGE", word = "filtered_counts_q16"'
 REASONED = 'record = [ { name = "stop_reason", type = "uint32", unit = "", format = "bits", doc = "why" },'
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy" / "system.toml"
 
@@ -68,6 +69,17 @@ def test_the_toy_is_accepted_as_it_is(tmp_path: Path) -> None:
         ('name = "toy.raw_max"', 'name = "rawmax"', "cannot be a name"),
         ('period = "toy.dt_s_q32"', 'period = "nix.dt"', "names a parameter of the groups"),
         ("groups = []", 'groups = []\noutput = { kind = "PULSES", word = "clamped_steps" }', "driven by 2 words"),
+        (
+            "groups = []",
+            f"groups = []\noutput = {{ {DRIVEN} }}",
+            "output.checks is one of axis, flight, ride, own, none, not",
+        ),
+        ("groups = []", f'groups = []\noutput = {{ {DRIVEN}, checks = "some" }}', "output.checks is one of axis"),
+        ("groups = []", f'groups = []\noutput = {{ {DRIVEN}, checks = "own" }}', "no flag says fails = true"),
+        ("groups = []", f'groups = []\noutput = {{ {DRIVEN}, checks = "none" }}', "output.unchecked says why"),
+        ("groups = []", f'groups = []\noutput = {{ {DRIVEN}, checks = "axis", unchecked = "x" }}', "only then"),
+        ("saturated = true,", "saturated = true, fails = true,", "fails and unready are for an output"),
+        ("saturated = true,", "saturated = true, fails = 1,", "are true or false"),
         ("groups = []", "groups = " + "[" * 5000, "nested too deep"),
         ("groups = []", 'groups = []\ndefault_for = ["replay"]', "replay is replay.py, which is missing"),
         ("groups = []", "groups = []\ndefault_for = [5]", "default_for is a line of text"),

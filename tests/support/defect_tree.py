@@ -22,6 +22,7 @@ from pathlib import Path
 from plumb.proof.faults import table
 from plumb.proof.faults.scene import PILOT
 from plumb.spec import declarations, images
+from plumb.spec.system import FLIGHT
 from support.defects import ROOT, Defect
 
 IMAGE, NATIVE = "stm32f103", "native"
@@ -201,7 +202,7 @@ def system_of_row(name: str) -> str | None:
 
 def flies(system: str) -> bool:
     """Whether a pilot's receiver may arm it, and it flies."""
-    return declarations.system(system).checked_by == "takeoff"
+    return declarations.system(system).checks == FLIGHT
 
 
 def judged(tree: Tree, defect: Defect) -> tuple[list[Verdict], list[str]]:

@@ -13,8 +13,8 @@ from io import BytesIO
 from typing import Any
 
 from plumb.files.block_file import sealed
-from plumb.inputs.log_file import MAGIC
 from plumb.link.frame_records import PACK
+from plumb.readers.log_file import MAGIC
 from plumb.spec import dbc
 from plumb.spec.protocol import protocol
 from support.made_image import made_image

@@ -10,17 +10,17 @@ import numpy as np
 
 from plumb.boards.contract import RawCounts, Setpoints
 from plumb.files.block_file import Block, BlockWriter, read_blocks
-from plumb.inputs.log_file import MAGIC, Frames, read_log
-from plumb.inputs.log_writer import LogWriter
-from plumb.inputs.recorder import Recorder
 from plumb.link import parameter_table
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.readers.log_file import MAGIC, Frames, read_log
 from plumb.spec import dbc, parameters
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import protocol
 from plumb.systems import run_fixed
 from plumb.tuning.quantise import ControlParams
+from plumb.writers.log_writer import LogWriter
+from plumb.writers.recorder import Recorder
 from support.native_board import NativeBoard
 
 FRAMES = ("RAW_A", "QUAD_ANGLE")

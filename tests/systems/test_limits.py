@@ -10,8 +10,10 @@ import pytest
 
 from plumb import systems
 from plumb.boards.native import NativeBoard
+from plumb.judging.angles import MAIN
 from plumb.proof import invariants, limits, runs
 from plumb.proof.figures import limits_of
+from plumb.proof.measures import main_of
 from plumb.systems.contracts import fitted
 from plumb.systems.quadrotor.courses import COURSES
 from plumb.tuning.quantise import quantise
@@ -42,13 +44,14 @@ def run_of(name: str) -> runs.Run:
 @pytest.mark.parametrize("name", systems.SYSTEMS)
 def test_a_run_of_any_scenario_is_judged(name: str) -> None:
     for scenario, tuning, loop, shorter in kinds(name):
-        found = limits.judged({limits.RMS: FAR_DEG}, limits_of(name, scenario, tuning, loop, shorter=shorter))
+        own = limits_of(name, scenario, tuning, loop, shorter=shorter)
+        found = limits.judged({MAIN: FAR_DEG}, own, main_of(name))
         if found.verdict is None and not shorter and (scenario, loop) in GROUNDED:
             continue
         if found.verdict is None and invariants.judges(name, scenario):
             continue
         if found.verdict is None:  # only where there is no angle to judge
-            assert run_of(name).metrics()[limits.RMS] is None, (scenario, tuning, loop, shorter)
+            assert run_of(name).metrics()[MAIN] is None, (scenario, tuning, loop, shorter)
             return
         assert found.verdict == "fail", (scenario, tuning, loop, shorter)
         assert found.text.startswith("93 deg rms — outside the limit: at most ")
@@ -63,14 +66,14 @@ def test_a_flight_of_any_scenario_is_judged_by_what_its_pilot_asks() -> None:
         assert len(flown) == (loop == "closed" and not stands), (scenario, tuning, loop, shorter)
         for value in flown:
             for off, verdict in ((0.99 * value, "pass"), (1.01 * value, "fail")):
-                assert limits.judged({limits.RMS: 0.01, limits.FLOWN: off}, found).verdict == verdict
+                assert limits.judged({MAIN: 0.01, limits.FLOWN: off}, found, main_of("quadrotor")).verdict == verdict
 
 
 def test_a_limit_that_was_asked_for_stays() -> None:
     asked = limits_of("quad", "motion", "adaptive", "open")
-    assert [(limit.metric, limit.value) for limit in asked] == [(limits.RMS, 0.60)]
+    assert [(limit.metric, limit.value) for limit in asked] == [(MAIN, 0.60)]
     gain, rms = limits_of("turntable", "motion", "data", "open")[1:]
-    assert (gain.metric, gain.value, rms.metric) == ("below_gyro_max_percent", 27.0, limits.RMS)
+    assert (gain.metric, gain.value, rms.metric) == ("below_gyro_max_percent", 27.0, MAIN)
 
 
 TURNED = {"tilt_deg", "pitch_deg"}
@@ -81,7 +84,7 @@ def test_an_estimate_93_deg_off_is_bit_exact_and_not_accurate(name: str) -> None
     """The truth is turned, the integers stay."""
     system, run = systems.load(name), run_of(name)
     heading = {"scenario": system.DEFAULT_SCENARIO, "tuning": system.DEFAULT_TUNING, "loop": "open"}
-    summary, judged = run.summary(**heading), run.metrics()[limits.RMS] is not None
+    summary, judged = run.summary(**heading), run.metrics()[MAIN] is not None
     assert (summary["verdict"], summary["bit_exact"], summary["accuracy"]) == ("pass", True, "pass" if judged else None)
     if not judged:
         return

@@ -18,10 +18,10 @@ from plumb.analyses.flights.estimators import FLIGHT
 from plumb.boards.plant_on_pins import coupler
 from plumb.cli.demo import DEMO
 from plumb.errors import UsageError
-from plumb.inputs.replay import REPLAY
 from plumb.proof.figures import FIGURES
 from plumb.proof.invariants import INVARIANTS
 from plumb.proof.runs import PLOTS
+from plumb.readers.replay import REPLAY
 from plumb.spec import system_parts
 from plumb.spec.system_parts import Part
 from plumb.systems.balancer import pins as balancer_pins
@@ -96,7 +96,7 @@ def test_everything_that_a_module_lacks_is_named_at_once() -> None:
 def test_a_function_takes_the_keywords_of_the_contract() -> None:
     module = ModuleType("plumb.systems.odd.plots")
     module.__file__ = "odd/plots.py"
-    vars(module).update(metrics="none", plots=lambda run: [])
+    vars(module).update(metrics="none", MEASURES=(), MAIN="", APART="", plots=lambda run: [])
     with pytest.raises(UsageError, match=r"^odd/plots\.py lacks metrics\(\), closed of plots\(\);"):
         system_parts.check(module, PLOTS.contract)
 

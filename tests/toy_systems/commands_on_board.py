@@ -16,7 +16,6 @@ from plumb import systems
 from plumb.boards import open_board
 from plumb.boards.contract import SimulatedBoard
 from plumb.boards.plant_on_pins import configure_as
-from plumb.inputs.recorder import Recorder
 from plumb.link.identity import NackError
 from plumb.link.realtime import Capture
 from plumb.link.sample_codec import command_frames
@@ -26,6 +25,7 @@ from plumb.spec import declarations
 from plumb.spec.protocol import Frame
 from plumb.systems import run_fixed
 from plumb.tuning.quantise import ControlParams, quantise
+from plumb.writers.recorder import Recorder
 
 STEPS = 40
 SET = {"gain": -3, "heading": -(1 << 30) + 5, "trim": -100, "mode": 1}

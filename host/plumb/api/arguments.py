@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from plumb.errors import UsageError
-from plumb.inputs.recording import MOST_STEPS
+from plumb.readers.recording import MOST_STEPS
 
 LINKS = ("serial", "can")
 

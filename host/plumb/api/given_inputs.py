@@ -23,7 +23,7 @@ def set_setpoint(session: Session, value: float, *, live: bool) -> None:
     system = session.system
     signal = setpoint_signal(system)
     if signal is None:
-        raise UsageError(f"{system} has no setpoint: it drives nothing")
+        raise UsageError(f"{system} has no setpoint")
     most = ((1 << 31) - 1) * signal.scale
     if value is None or not abs(value) <= most:
         raise UsageError(

@@ -10,7 +10,7 @@ from plumb.api import arguments
 from plumb.api.logged import load_run
 from plumb.api.recordings import Recording
 from plumb.errors import UsageError
-from plumb.inputs import log_replay, recording
+from plumb.readers import log_replay, recording
 
 
 def load(path: Path | str, *, run: int | None = None, params: Path | str | None = None) -> Recording:

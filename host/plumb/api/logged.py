@@ -14,10 +14,10 @@ from plumb.api.recordings import Recording
 from plumb.api.signals import ReceivedArrays
 from plumb.boards.contract import Board
 from plumb.errors import UsageError
-from plumb.inputs import log_replay, recording
-from plumb.inputs.log_replay import RecordedRun
-from plumb.inputs.step_table import Column, table_of
 from plumb.proof.scenario_run import ScenarioRun
+from plumb.readers import log_replay, recording
+from plumb.readers.log_replay import RecordedRun
+from plumb.readers.step_table import Column, table_of
 from plumb.spec.arrays import FloatArray
 from plumb.tuning import quantities
 from plumb.tuning.quantities import Value

@@ -16,8 +16,8 @@ from plumb.api.runs import RunResult
 from plumb.boards import open_board
 from plumb.boards.contract import Board
 from plumb.errors import UsageError
-from plumb.inputs import replay
 from plumb.proof.scenario_run import ScenarioRun
+from plumb.readers import replay
 from plumb.spec.arrays import FloatArray
 
 

@@ -14,7 +14,7 @@ from plumb.analyses.comparison.contenders import COMPARE
 from plumb.analyses.comparison.samples import SIXTEEN_BITS, motion_of, sampled
 from plumb.bench.bench import StepDriver
 from plumb.bench.instruction_counter import Counter, Image
-from plumb.inputs import recording
+from plumb.readers import recording
 from plumb.spec import declarations
 
 CHUNK = 500

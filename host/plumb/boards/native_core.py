@@ -342,7 +342,7 @@ def _plausibility(params: ControlParams, words: Words, unit_turn2_q56: int) -> W
     record, table = np.ascontiguousarray(words.record), _u32(params.words())
     unit = ctypes.c_uint32(unit_turn2_q56)
     if not c_core().plumb_plausibility_run(_pointer(table), _pointer(record), len(record), unit, _pointer(found)):
-        raise UsageError(f"{params.system} moves nothing: there is no plausibility to check")
+        raise UsageError(f"{params.system} has no output with the checks axis or ride: no plausibility is checked")
     return Words(found)
 
 

@@ -17,11 +17,11 @@ from plumb.analyses.comparison.contenders import COMPARE
 from plumb.analyses.comparison.grades import GRADES
 from plumb.analyses.comparison.samples import DECIMATIONS, motion_of
 from plumb.errors import UsageError
-from plumb.inputs import recording
-from plumb.inputs.recording import Recording
-from plumb.inputs.replay import REPLAY, ReplayRequest
 from plumb.near_names import did_you_mean
 from plumb.proof.runs import RunInputs
+from plumb.readers import recording
+from plumb.readers.recording import Recording
+from plumb.readers.replay import REPLAY, ReplayRequest
 from plumb.spec.tuning import AnyTuning
 from plumb.tuning.quantise import ControlParams
 

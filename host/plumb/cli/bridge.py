@@ -49,11 +49,11 @@ from typing import TYPE_CHECKING, Literal, NotRequired, TypedDict
 from plumb.cli import options
 
 if TYPE_CHECKING:
-    from plumb.inputs.bridge import Bridge
-    from plumb.inputs.bus_end import End
-    from plumb.inputs.bus_tap import BusTap
-    from plumb.inputs.frame_counts import Flow
-    from plumb.inputs.latency import LatencyHistogram, Percentiles
+    from plumb.bridge.bridge import Bridge
+    from plumb.bridge.bus_end import End
+    from plumb.bridge.bus_tap import BusTap
+    from plumb.bridge.frame_counts import Flow
+    from plumb.bridge.latency import LatencyHistogram, Percentiles
     from plumb.tuning.quantise import ControlParams
 
 
@@ -195,7 +195,7 @@ def tapped(arguments: argparse.Namespace) -> Iterator[BusTap | None]:
         yield None
         return
     from plumb.boards.serve import address_of, open_can_end
-    from plumb.inputs.bus_tap import BusTap
+    from plumb.bridge.bus_tap import BusTap
 
     with open_can_end(arguments.serve) as bus:
         say(f"serving the frames of both sides at {address_of(bus, arguments.serve)}")
@@ -203,8 +203,8 @@ def tapped(arguments: argparse.Namespace) -> Iterator[BusTap | None]:
 
 
 def carried(arguments: argparse.Namespace, ending: Ending, tap: BusTap | None) -> Summary:
-    from plumb.inputs.bus_end import End, carry
-    from plumb.inputs.latency import LatencyHistogram
+    from plumb.bridge.bus_end import End, carry
+    from plumb.bridge.latency import LatencyHistogram
 
     ends = [End(arguments.sensor), End(arguments.board)]
     there, back = latencies = LatencyHistogram(), LatencyHistogram()
@@ -227,8 +227,8 @@ def carried(arguments: argparse.Namespace, ending: Ending, tap: BusTap | None) -
 
 def bridged(arguments: argparse.Namespace, ending: Ending, tap: BusTap | None) -> Summary:
     from plumb import systems
+    from plumb.bridge.bridge import Bridge
     from plumb.errors import UsageError
-    from plumb.inputs.bridge import Bridge
     from plumb.tuning import quantise
 
     def params_of(name: str) -> tuple[ControlParams, dict[str, int]]:
@@ -269,7 +269,7 @@ def watched(
     bridge: Bridge | None = None,
 ) -> Callable[[], bool]:
     """`stopped` that also prints the counts and the latencies (median/99 %) once a second, over the previous line."""
-    from plumb.inputs.latency import short
+    from plumb.bridge.latency import short
 
     shown_s = time.monotonic()
     before: tuple[int, ...] = (0, 0, 0)
@@ -344,7 +344,7 @@ def summary_of(bridge: Bridge) -> Summary:
 
 def describe(summary: Summary) -> str:
     """The summary as text."""
-    from plumb.inputs.latency import drawn
+    from plumb.bridge.latency import drawn
 
     seconds = summary["seconds"]
     lines = []

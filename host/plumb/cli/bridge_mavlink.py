@@ -16,10 +16,10 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.boards import open_link_board
     from plumb.errors import UsageError
-    from plumb.inputs import mavlink_stream
     from plumb.link import monitor
     from plumb.process_signals import endings, raise_ending
     from plumb.systems.mavlink import MAVLINK
+    from plumb.writers import mavlink_stream
 
     given = [f"--{name.replace('_', '-')}" for name in OTHERS if getattr(arguments, name)]
     if given:

@@ -33,8 +33,8 @@ from plumb.cli import options
 
 if TYPE_CHECKING:
     from plumb.boards.link import LinkBoard
+    from plumb.calibration.axis_calibration import Calibrated
     from plumb.cli.questions import Questions
-    from plumb.inputs.calibration import Calibrated
     from plumb.link.session import Session
     from plumb.tuning.pose_calibration import Pose
 
@@ -95,7 +95,7 @@ class Person:
             self._put(pose.name)
 
     def turn(self, text: str, end: Pose) -> None:
-        from plumb.inputs.calibration import TURN_S
+        from plumb.calibration.axis_calibration import TURN_S
 
         if self._put is None:
             self._asked.begin(f"within {TURN_S - 1:.0f} s: {text}; hold it still there")
@@ -108,8 +108,8 @@ class Person:
 
 
 def calibrate(session: Session, asked: Questions, put: Callable[[str], None] | None, as_json: bool) -> int:
+    from plumb.calibration.vector_calibration import VectorCalibration, calibration_of
     from plumb.errors import ExitCode
-    from plumb.inputs.vector_calibration import VectorCalibration, calibration_of
 
     calibration = calibration_of(session)
     if put is None and isinstance(calibration, VectorCalibration):

@@ -106,7 +106,7 @@ def _replayed(arguments: argparse.Namespace) -> tuple[list[Compared], tuple[Cont
     from plumb.analyses.comparison.samples import motion_of
     from plumb.analyses.comparison.table import compare, of_recordings, runs
     from plumb.errors import UsageError
-    from plumb.inputs import recording
+    from plumb.readers import recording
 
     grades = list(dict.fromkeys(arguments.grade or [AS_RECORDED]))
     if "all" in grades:

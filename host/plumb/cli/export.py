@@ -43,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
-    from plumb.inputs import log_export, log_replay
+    from plumb.readers import log_replay
+    from plumb.writers import log_export
 
     log_export.require(arguments.files, replace=arguments.force, blackbox=bool(arguments.format))
     log = log_replay.open_log(arguments.log)

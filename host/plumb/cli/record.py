@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING
 from plumb.cli import options
 
 if TYPE_CHECKING:
-    from plumb.inputs.log_writer import LogWriter
-    from plumb.inputs.recorder import FrameLog
     from plumb.link.session import Session
+    from plumb.writers.log_writer import LogWriter
+    from plumb.writers.recorder import FrameLog
 
 FORMATS = ("csv", "parquet", "blf", "asc", "log", "trc", "mf4")
 
@@ -84,7 +84,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 def log_path(arguments: argparse.Namespace) -> Path:
     """The file that --out names."""
-    from plumb.inputs.log_file import SUFFIX
+    from plumb.readers.log_file import SUFFIX
 
     path: Path = arguments.out
     return path if path.suffix else path.with_name(path.name + SUFFIX)
@@ -92,7 +92,7 @@ def log_path(arguments: argparse.Namespace) -> Path:
 
 def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, object]) -> None:
     """Write every frame of the bus to the log; fills in the summary also if an error ends the recording."""
-    from plumb.inputs.frame_counts import Flow
+    from plumb.bridge.frame_counts import Flow
     from plumb.link.transports.open_bus import open_bus
 
     flow, count = Flow(), 0
@@ -116,10 +116,10 @@ def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, 
 
 def bus_log(arguments: argparse.Namespace) -> LogWriter | FrameLog:
     """The log of a bus, in the format of its suffix."""
-    from plumb.inputs.log_file import SUFFIX
-    from plumb.inputs.log_writer import LogWriter
-    from plumb.inputs.recorder import FrameLog
     from plumb.proof import run_identity
+    from plumb.readers.log_file import SUFFIX
+    from plumb.writers.log_writer import LogWriter
+    from plumb.writers.recorder import FrameLog
 
     path = log_path(arguments)
     if path.suffix != SUFFIX:
@@ -132,9 +132,9 @@ def bus_log(arguments: argparse.Namespace) -> LogWriter | FrameLog:
 def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str, object]) -> None:
     """Record a board to a log; fills in the summary also if an error ends the recording."""
     from plumb.cli.monitor import attach_plant
-    from plumb.inputs.recorder import Recorder
     from plumb.link import monitor
     from plumb.proof import run_identity
+    from plumb.writers.recorder import Recorder
 
     path, exports = files_of(arguments)
     with options.linked_board_of(arguments) as board:
@@ -179,8 +179,8 @@ def files_of(arguments: argparse.Namespace) -> tuple[Path, list[Path]]:
     recorded."""
     from plumb.errors import UsageError
     from plumb.files.block_file import exists_sentence
-    from plumb.inputs import log_export
-    from plumb.inputs.log_file import SUFFIX
+    from plumb.readers.log_file import SUFFIX
+    from plumb.writers import log_export
 
     path = log_path(arguments)
     if path.suffix != SUFFIX:
@@ -195,7 +195,8 @@ def files_of(arguments: argparse.Namespace) -> tuple[Path, list[Path]]:
 def of_log(path: Path, exports: list[Path]) -> dict[str, object]:
     """Write the exports of a finished log; what the summary says of it."""
     from plumb.errors import UsageError
-    from plumb.inputs import log_export, log_replay
+    from plumb.readers import log_replay
+    from plumb.writers import log_export
 
     log = log_replay.open_log(path)
     runs, why = [], ""

@@ -11,7 +11,7 @@ verified (exit code 3). Parameters are those of the recording; --params gives th
 
 A recording in units (.npz, .csv) is replayed with an ideal sensor that is scaled to it. That compares the board with
 the model on new counts; it is no proof of what another board did with this motion. Columns are described at the top of
-plumb/inputs/recording.py. It is resampled to the period; --decimate first takes the means of blocks of samples, as a
+plumb/readers/recording.py. It is resampled to the period; --decimate first takes the means of blocks of samples, as a
 sensor with a lower output rate does. With an optical reference, the tilt error over the samples marked as movement is
 reported. --system chooses the estimator: one axis of the sensor, which --axis selects, or its whole attitude. The page
 of a system names further file formats that it reads; of several runs in a file the longest is used.
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.inputs import log_replay
+    from plumb.readers import log_replay
 
     if arguments.file.suffix.lower() in log_replay.SUFFIXES:
         return of_log(arguments)
@@ -60,7 +60,7 @@ def of_log(arguments: argparse.Namespace) -> int:
     """Reproduce a recorded run."""
     from plumb.cli.run_summary import report, require_out
     from plumb.errors import UsageError
-    from plumb.inputs import log_replay
+    from plumb.readers import log_replay
 
     for option in ("axis", "period_us", "decimate"):
         if getattr(arguments, option) is not None:
@@ -86,7 +86,7 @@ def of_units(arguments: argparse.Namespace) -> int:
     """Replay a recording of a real sensor in engineering units."""
     from plumb.cli.run_summary import report, require_out
     from plumb.errors import UsageError
-    from plumb.inputs import replay
+    from plumb.readers import replay
 
     if arguments.log_run is not None or arguments.params is not None:
         wrong = "--log-run" if arguments.log_run is not None else "--params"

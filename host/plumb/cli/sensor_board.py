@@ -46,8 +46,8 @@ def main(arguments: argparse.Namespace) -> int:
     import contextlib
 
     from plumb import systems
+    from plumb.bridge.sensor_board import SensorBoard
     from plumb.errors import UsageError
-    from plumb.inputs.sensor_board import SensorBoard
     from plumb.link.endpoint_names import CanName, parse_bus
     from plumb.link.sample_codec import layout_of
     from plumb.link.transports.byte_stream import open_stream

@@ -49,9 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    from plumb.calibration import rest_check
     from plumb.cli.questions import questions
     from plumb.errors import ExitCode
-    from plumb.inputs import rest_check
 
     asked = questions(arguments.answers)
     tell("1. the board")
@@ -202,8 +202,8 @@ def set_tuning(session: Session, name: str, tuning: str) -> None:
 
 def look_at_sensors(session: Session) -> None:
     """Say which sensors are there. Raises LinkError when one is not."""
+    from plumb.calibration.axis_calibration import sensors_missing
     from plumb.errors import LinkError
-    from plumb.inputs.calibration import sensors_missing
     from plumb.link import monitor
 
     monitor.begin_live(session)

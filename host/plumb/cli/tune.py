@@ -26,19 +26,19 @@ It prints settings with confidence, and how consistent the filter is before and 
 recording has a reference, the tilt error. Exit code 1 when the settings are of no use: they make the tilt error larger,
 or the board cannot hold them.
 
-`pid` swings the setpoint of a closed attitude loop by a sum of sines, or steps it up and down every 2 s (--test step),
-fits a plant with lag and delay to what the tilt rate does, and works out gains with the wanted margins of phase, gain
-and delay. On `native` and `virtual` the system's plant is simulated, and the test is made again with the new gains. On
-a board behind a link it arms the board and moves the machine: only with --arm-and-move. Of a vehicle in the air the
-stick of an axis swings, in lockstep with the simulated vehicle alone; the margins are those of rate and vertical
-together, and of the rate without the vertical. Of `wheels`, rolling straight ahead, the stick of the turn rate swings;
-its loop of balance is not tested. A real vehicle is never armed for it: fly it by its receiver, record with
-`plumb record --run live`, or fly with `plumb fly`, and give the log. A minute in which the stick of the axis moves
-without a pause, level and gently, is enough. Exit code 1 when no gains have the margins.
+`pid` excites the setpoint of a closed attitude loop by a sum of sines, or by steps up and down every 2 s (--test
+step), fits a plant with lag and delay to the tilt rate, and works out gains with the wanted margins of phase, gain and
+delay. On `native` and `virtual` the system's plant is simulated, and the test is repeated with the new gains. On a
+board behind a link the test arms the board and moves the machine: only with --arm-and-move.
+quadrotor: excites the stick of one axis (--loop roll or pitch), in simulation only; reports margins of the rate loop
+alone and of rate and level loop together. wheels: excites the stick of the turn rate while it rolls straight ahead, in
+simulation only; the balance loop is not tested. A real vehicle is never armed for a test: fly it by its receiver and
+record with `plumb record --run live`, or fly with `plumb fly`, and give the log. One minute is enough in which the
+stick of the axis moves without a pause, level and gently. Exit code 1 when no gains have the margins.
 
 `vehicle` takes the log of a flight to and fro, by 15 to 30 deg for a minute, in mode level. It prints the thrust
-command of a hover and the drag by mass and speed, each with its interval of 95 %, and offsets of the accelerometer
-where the flight tells them. A flight that hovers alone does not tell the drag, and is refused.
+command of a hover and the drag by mass and speed, each with its interval of 95 %, and the offsets of the accelerometer
+where the flight determines them. A flight that only hovers does not determine the drag, and is refused.
 """
 
 from __future__ import annotations

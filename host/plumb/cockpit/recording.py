@@ -14,11 +14,12 @@ from pathlib import Path
 
 from plumb.boards.link import LinkBoard
 from plumb.errors import PlumbError, UsageError
-from plumb.inputs import log_export, log_replay
-from plumb.inputs.recorder import Batch, Recorder, RunMemory
 from plumb.link.used_tables import ALL_PARAMETERS
 from plumb.proof import run_identity
+from plumb.readers import log_replay
 from plumb.spec.protocol import Frame
+from plumb.writers import log_export
+from plumb.writers.recorder import Batch, Recorder, RunMemory
 
 Item = Batch | Sequence[int] | None
 """Frames and their time; or the table with which a run begins; or the end."""

@@ -15,7 +15,7 @@ optional:
     tested_loops.py  loops that `plumb tune pid` tests (plumb.analyses.identification.tested_loop.TestedLoops)
     flown_vehicle.py  the vehicle in a flight, for `plumb tune vehicle`
                   (plumb.analyses.identification.vehicle_fit.FlownVehicles)
-    replay.py     recordings of real sensors as inputs of a run (plumb.inputs.replay.Replayed)
+    replay.py     recordings of real sensors as inputs of a run (plumb.readers.replay.Replayed)
     compare.py    its vertical, for comparison with published algorithms (plumb.analyses.comparison.contenders.Compared)
     flight.py     its vertical in simulated flight (plumb.analyses.flights.estimators.FlownSystem)
     demo.py       the run that `plumb demo` shows (plumb.cli.demo.Demo)

@@ -77,7 +77,7 @@ NOT_READY = {bit: one.text for bit, one in status_bits.NOT_READY.items()}
 def implausible(system: str | None) -> dict[int, str]:
     """Bit of PLAUSIBILITY.failed and disarmed_by -> its text on a board that runs this system; None: not known."""
     checks = {bit: one.text for bit, one in status_bits.IMPLAUSIBLE.items()}
-    return checks | status_bits.stop_reason_texts(system)
+    return checks | status_bits.own_check_texts(system, "fails") | status_bits.stop_reason_texts(system)
 
 
 def plausibility_text(said: dict[str, int], system: str | None) -> list[str]:
@@ -87,7 +87,8 @@ def plausibility_text(said: dict[str, int], system: str | None) -> list[str]:
     # SETTLING is only reported when no other condition is missing.
     missing &= ~1 if missing & ~1 else ~0
     found = [text for bit, text in implausible(system).items() if failed >> bit & 1]
-    return found + [text for bit, text in NOT_READY.items() if missing >> bit & 1]
+    not_ready = NOT_READY | status_bits.own_check_texts(system, "unready")
+    return found + [text for bit, text in not_ready.items() if missing >> bit & 1]
 
 
 KEEPALIVE_LOST = 1 << 5

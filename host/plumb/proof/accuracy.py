@@ -196,7 +196,9 @@ def scenario_error_deg(settings: AnyTuning, name: str, seed: int = 1000) -> floa
     answer = NativeBoard().run_injected(params, inputs.raw, inputs.setpoint)
     assert answer.words is not None
     ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
-    found = runs.Run(inputs, params, answer.words, ideal, answer, None).metrics()["fixed_vs_reference_max_deg"]
+    found = runs.Run(inputs, params, answer.words, ideal, answer, None).metrics()[
+        systems.load(settings.system, runs.PLOTS).APART
+    ]
     assert found is not None
     return float(found)
 

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from typing import Literal, cast
 
+from plumb.proof.measures import Measure, main_of
 from plumb.spec import declarations
 
 FILE = "limits.toml"
@@ -23,7 +24,6 @@ MARGIN = 1.5
 """Factor of a measured limit over the worst of these seeds, because the errors of single runs scatter."""
 BASIS = "1.5 times the worst of seeds 1000 to 1039"
 ASKED_OF_MEAN = "asked of the mean of 40 seeds, a single run may miss it"
-RMS = "angle_rmse_deg"
 FLOWN, FLOWN_TABLES = "flown_rmse_deg", "flown"
 """Of a system that is flown: how far the vehicle is from what its pilot asks for, and the tables of its limits."""
 ANY_OTHER = "*"
@@ -43,10 +43,12 @@ class Limit:
     def kept_by(self, reached: float) -> bool:
         return reached <= self.value if self.sense == "at most" else reached >= self.value
 
-    def beside(self, reached: float) -> str:
-        """The limit in words, with the figure unless it is the rms error, which the text already has."""
+    def beside(self, reached: float, main: Measure | None) -> str:
+        """The limit in words, with the figure unless it is the main one of the system, which the text already has."""
         limit = f"{self.sense} {self.value:g} {self.unit}"
-        return f"{limit} rms" if self.metric == RMS else f"{self.metric} {reached:.4g} {self.unit}, {limit}"
+        if main is not None and self.metric == main.metric:
+            return limit + main.how
+        return f"{self.metric} {reached:.4g} {self.unit}, {limit}"
 
 
 Limits = Mapping[tuple[str, str, str], Sequence[Limit]]
@@ -60,8 +62,8 @@ def _file(system: str) -> object:
 
 
 def table(system: str, loop: str, scenario: str, *, shorter: bool = False) -> Mapping[str, float]:
-    """Measured limits of a scenario by tuning, deg rms, and `*` for any other tuning; {}: none were measured. shorter:
-    for runs of less than the scenario's length."""
+    """Measured limits of a scenario by tuning, of the main figure of the system, and `*` for any other tuning; {}: none
+    were measured. shorter: for runs of less than the scenario's length."""
     found = _file(system)
     for key in (*(["shorter"] if shorter else []), loop, scenario):
         found = found.get(key, {}) if isinstance(found, dict) else {}
@@ -70,11 +72,14 @@ def table(system: str, loop: str, scenario: str, *, shorter: bool = False) -> Ma
 
 def measured(system: str, scenario: str, tuning: str, loop: str, *, shorter: bool = False) -> Sequence[Limit]:
     """The measured limits of a run; () where there are none."""
-    found = []
-    for metric, key in ((RMS, loop), (FLOWN, f"{FLOWN_TABLES}-{loop}")):
+    found, main = [], main_of(system)
+    for metric, unit, key in (
+        *(((main.metric, main.unit, loop),) if main is not None else ()),
+        (FLOWN, "deg", f"{FLOWN_TABLES}-{loop}"),
+    ):
         limits = table(system, key, scenario, shorter=shorter)
         if (value := limits.get(tuning, limits.get(ANY_OTHER))) is not None:
-            found.append(Limit(metric, "at most", value, "deg", BASIS))
+            found.append(Limit(metric, "at most", value, unit, BASIS))
     return tuple(found)
 
 
@@ -91,18 +96,23 @@ class Accuracy:
 
 
 def judged(
-    metrics: Mapping[str, float | int | None], limits: Sequence[Limit], why_none: str = "", note: str = ""
+    metrics: Mapping[str, float | int | None],
+    limits: Sequence[Limit],
+    main: Measure | None,
+    why_none: str = "",
+    note: str = "",
 ) -> Accuracy:
-    """Metrics of a run against limits. why_none: reason that there are none. note: a remark on the limits
-    for the reader."""
-    rms = metrics.get(RMS)
-    reached = "no truth to compare with" if rms is None else f"{rms:.3g} deg rms"
+    """Metrics of a run against limits. main: the main figure of the system. why_none: reason that there are no limits.
+    note: a remark on the limits for the reader."""
+    figure = None if main is None else metrics.get(main.metric)
+    known = main is not None and figure is not None
+    reached = f"{figure:.3g} {main.unit}{main.how}" if main and figure is not None else "no truth to compare with"
     scored = [(limit, value) for limit in limits if (value := metrics.get(limit.metric)) is not None]
     if not scored:
-        return Accuracy(None, (), f"{reached} — {why_none or 'no limit is declared'}" if rms is not None else reached)
+        return Accuracy(None, (), f"{reached} — {why_none or 'no limit is declared'}" if known else reached)
     rows = [{**asdict(limit), "reached": value, "kept": limit.kept_by(value)} for limit, value in scored]
     missed = [(limit, value) for limit, value in scored if not limit.kept_by(value)]
-    named = "; ".join(limit.beside(value) for limit, value in (missed or scored))
+    named = "; ".join(limit.beside(value, main) for limit, value in (missed or scored))
     bases = " and ".join(dict.fromkeys(limit.basis for limit, _ in (missed or scored)))
     text = f"{reached} — {'outside' if missed else 'within'} the limit: {named} ({bases}{note and '; '}{note})"
     return Accuracy("fail" if missed else "pass", rows, text)

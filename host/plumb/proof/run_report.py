@@ -12,6 +12,7 @@ from typing import Any
 from plumb import systems
 from plumb.files import whole_files
 from plumb.proof import run_identity
+from plumb.proof.measures import Measure
 from plumb.proof.report import Statement, Table, page, write_whole
 from plumb.proof.runs import PLOTS, Run
 
@@ -19,21 +20,16 @@ FILES = ("report.html", "summary.json", "steps.csv")
 
 
 def budget(run: Run) -> Table:
-    """The three-way error budget."""
+    """The three-way error budget: the system's figures, then the bits."""
     figures = run.metrics()
 
-    def degrees(name: str) -> str:
-        value = figures[name]
-        return "nothing to compare with" if value is None else f"{value:.4g} deg"
+    def shown(measure: Measure) -> str:
+        value = figures[measure.metric]
+        return "nothing to compare with" if value is None else f"{value:.4g} {measure.unit}"
 
-    rows = [
-        ["angle of the accelerometer alone against the truth, rms", degrees("accel_only_rmse_deg")],
-        ["estimate against the truth, rms", degrees("angle_rmse_deg")],
-        ["estimate against the truth, largest", degrees("angle_max_deg")],
-        ["integers against float64 on the same counts, largest", degrees("fixed_vs_reference_max_deg")],
-        ["board against the integer model, steps that differ", f"{run.mismatches} of {len(run.inputs.raw)}"],
-    ]
-    bad = frozenset({4}) if run.mismatches else frozenset()
+    rows = [[measure.text, shown(measure)] for measure in systems.load(run.system, PLOTS).MEASURES]
+    rows += [["board against the integer model, steps that differ", f"{run.mismatches} of {len(run.inputs.raw)}"]]
+    bad = frozenset({len(rows) - 1}) if run.mismatches else frozenset()
     return Table("Error budget", ["compared", "error"], rows, bad_rows=bad)
 
 

@@ -16,6 +16,7 @@ from plumb import systems
 from plumb.boards.contract import Answer, Board, ChangesParameters, KeepsTime, RawCounts, Setpoints
 from plumb.proof import limits
 from plumb.proof.compare import Divergence, count_mismatches, first_divergence
+from plumb.proof.measures import Measured, main_of
 from plumb.proof.report import Plot, Statement
 from plumb.proof.run_identity import part_of
 from plumb.spec import declarations
@@ -41,12 +42,11 @@ class RunInputs:
     scored: BoolArray
 
 
-class RunPlots(Protocol):
+class RunPlots(Measured, Protocol):
     """plots.py of a system: how a run is measured and drawn."""
 
     def metrics(self, run: Run, /) -> dict[str, float | None]:
-        """Figures of a run by name: at least angle_rmse_deg, angle_max_deg, accel_only_rmse_deg and
-        fixed_vs_reference_max_deg, None where a system has no such figure."""
+        """Figures of a run by name: at least those of MEASURES, None where a run has no such figure."""
 
     def plots(self, run: Run, /, *, closed: bool) -> Sequence[Plot]:
         """The panels of the report. closed: the loop was closed."""
@@ -111,12 +111,14 @@ class Run:
         scenario, tuning, loop = (str(heading.get(name)) for name in ("scenario", "tuning", "loop"))
         whole_s = systems.load(self.system).SECONDS.get(scenario)
         if whole_s is None:
-            return limits.judged(self.metrics(), (), "no limit: only the system's scenarios have one")
+            return limits.judged(
+                self.metrics(), (), main_of(self.system), "no limit: only the system's scenarios have one"
+            )
         shorter = len(self.inputs.raw) * self.params.period_s < 0.999 * whole_s
         notes = [f"for less than {whole_s:g} s"] if shorter else []
         notes += ["without faults or conditions"] if heading.get("faults") or heading.get("conditions") else []
         declared = limits_of(self.system, scenario, tuning, loop, shorter=shorter)
-        return limits.judged(self.metrics(), declared, note=", ".join(notes))
+        return limits.judged(self.metrics(), declared, main_of(self.system), note=", ".join(notes))
 
     def statements(self, heading: Mapping[str, object]) -> list[Statement]:
         """The meaning of the verdict in words: bits, then accuracy."""

@@ -12,6 +12,7 @@ from plumb.errors import UsageError
 from plumb.spec.base_units import BASE_UNITS, unknown_part
 from plumb.spec.system import (
     CHECKED_CHANNELS,
+    CHECKS,
     COMMAND_SOURCES,
     COMMAND_TYPES,
     COMMAND_WORDS_MAX,
@@ -19,12 +20,14 @@ from plumb.spec.system import (
     FRAMES_MAX,
     NUMBERS,
     OUTPUTS,
+    OWN,
     RECEIVER,
     SENSORS,
     STICKS,
     STOP_REASON,
     STOP_REASONS_MAX,
     TYPES,
+    UNCHECKED,
     WORDS_MAX,
     Command,
     System,
@@ -173,6 +176,25 @@ def _check_arming(system: System, row: TomlTable) -> None:
         )
 
 
+def _check_output_checks(system: System) -> None:
+    """Raises UsageError for an output without checks, and for checks that the rest of the declaration contradicts."""
+    own = [flag.name for flag in system.flags if flag.fails or flag.unready]
+    for flag in system.flags:
+        if any(type(value) is not bool for value in (flag.saturated, flag.fails, flag.unready)):
+            raise UsageError(f"flag {flag.name}: saturated, fails and unready are true or false")
+    if own and system.checks != OWN:
+        raise UsageError(f'flag {own[0]}: fails and unready are for an output with checks = "{OWN}"')
+    if not system.output:
+        return
+    if not isinstance(system.checks, str) or system.checks not in CHECKS:
+        raise UsageError(f"output.checks is one of {', '.join(CHECKS)}, not {system.checks or 'missing'!r:.40}")
+    if system.checks == OWN and not own:
+        raise UsageError('output.checks = "own": no flag says fails = true or unready = true')
+    _check_text("output.unchecked", system.unchecked)
+    if bool(system.unchecked) != (system.checks == UNCHECKED):
+        raise UsageError('output.unchecked says why nothing is checked; it comes with checks = "none", and only then')
+
+
 def _check_parameters(system: System) -> None:
     """Raises UsageError for a malformed row of the system's own parameters. `plumb.spec.parameters` checks ranges."""
     for row in system.parameters:
@@ -259,6 +281,7 @@ def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTa
     _check_groups(system, shared, of_bases)
     if system.output and len(system.output_words) < OUTPUTS[system.output]:
         raise UsageError(f"output {system.output} is driven by {OUTPUTS[system.output]} words: the record ends before")
+    _check_output_checks(system)
     for row in system.parameters:
         _check_arming(system, row)
     if system.sensors not in SENSORS:

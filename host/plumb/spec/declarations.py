@@ -195,7 +195,7 @@ def _system(folder: Path, table: TomlTable, above: tuple[str, ...]) -> System:
         missing_samples=table.get("missing_samples", "held"),
         words=words,
         members=tuple(members),
-        flags=tuple(Flag(flag["name"], flag.get("saturated", False), flag["doc"]) for flag in table["flags"]),
+        flags=tuple(Flag(**{"saturated": False, **flag}) for flag in table["flags"]),
         frames=tuple(_frame(frame, by_name) for frame in table["frames"]),
         output=output["kind"],
         output_words=_output_words(output, words),
@@ -214,6 +214,8 @@ def _system(folder: Path, table: TomlTable, above: tuple[str, ...]) -> System:
         command_source=table.get("command_source", "link"),
         stands_on=tuple(base.name for base in bases),
         base_groups=tuple(dict.fromkeys(group for base in bases for group in base.all_groups)),
+        checks=output.get("checks", ""),
+        unchecked=output.get("unchecked", ""),
         stop_reasons=tuple(StopReason(**reason) for reason in table.get("stop_reasons", ())),
     )
     check(declared, shared()["parameter"], [row for base in bases for row in base.parameters])

@@ -191,6 +191,13 @@ def period_s(system: str, values: Mapping[str, int]) -> float:
     return values[name] / 2.0 ** int(row.format[1:])
 
 
+def period_s_q33(system: str, values: Mapping[str, int]) -> int:
+    """The same in s Q33, as the checks of an output take it."""
+    name = declarations.system(system).period
+    row = next(row for row in table() if row.name == name)
+    return (values[name] << 33) >> int(row.format[1:])
+
+
 UNIT = "variance_turn2_q56"
 """Parameter of the link's part that holds the unit of variance of the control part; the host writes both together."""
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from plumb.spec import declarations
+from plumb.spec.system import UNUSED, Word
 
 _SCALES: dict[str, tuple[tuple[str, str, float], tuple[str, str, float]]] = {
     "turn": (("_deg", "deg", 360.0), ("_rad", "rad", 2.0 * math.pi)),
@@ -26,6 +27,32 @@ _SCALES: dict[str, tuple[tuple[str, str, float], tuple[str, str, float]]] = {
     "": (("", "", 1.0), ("", "", 1.0)),
 }
 """Unit of a declared word -> (suffix of the signal's name, unit, scale), in the project's units and in SI."""
+_AS_DECLARED = frozenset(
+    (
+        "rad",
+        "deg",
+        "m",
+        "mm",
+        "kg",
+        "N",
+        "Nm",
+        "Pa",
+        "s",
+        "ms",
+        "ns",
+        "Hz",
+        "A",
+        "mA",
+        "V",
+        "mV",
+        "W",
+        "K",
+        "degC",
+        "count",
+    )
+)
+"""Units of words that are signals as they are: their names end in the unit already, as `current_a_q20`. Whole counts
+are those of sensors, and no signals."""
 IN_SI = {
     name.removeprefix("_"): (si.removeprefix("_"), by / value)
     for (name, _, value), (si, _, by) in _SCALES.values()
@@ -56,7 +83,14 @@ def word_signals(system: str, si: bool = False) -> dict[str, WordSignal]:
         bits = 0 if word.format == "integer" else None
         if quantity := _FORMAT.fullmatch(word.format):
             bits = int(quantity[1])
-        if bits is None or word.unit not in _SCALES:
+        if bits is None:
+            continue
+        if word.unit in _AS_DECLARED:
+            if (word.unit, bits) == ("count", 0):
+                continue
+            found[_plain_name(word)] = WordSignal(_plain_name(word), word.unit, 2.0**-bits, word.name, word.doc)
+            continue
+        if word.unit not in _SCALES:
             continue
         end, unit, value = _SCALES[word.unit][si]
         parts = _NAME.fullmatch(word.name)
@@ -71,14 +105,23 @@ def scale_of(unit: str, form: str) -> tuple[str, float]:
     """Unit of the project, and the value of one LSB, of an integer with a declared unit and format; a choice, bits or
     an unknown unit stay as they are."""
     quantity = _FORMAT.fullmatch(form)
+    if unit not in _SCALES and quantity is not None and unit in _AS_DECLARED:
+        return unit, 2.0 ** -int(quantity[1])
     if unit not in _SCALES or (quantity is None and form != "integer"):
         return unit, 1.0
     _, shown, value = _SCALES[unit][0]
     return shown, value / 2.0 ** (int(quantity[1]) if quantity else 0)
 
 
+def _plain_name(word: Word) -> str:
+    return re.sub(r"_q\d+", "", word.name)
+
+
 def setpoint_signal(system: str) -> WordSignal | None:
-    """The setpoint of a system that drives something; None for one that drives nothing."""
-    if not declarations.system(system).output:
+    """The setpoint of a system; None for one whose declaration says that its setpoint is not used."""
+    word = declarations.system(system).setpoint
+    if word.doc == UNUSED or not word.name.startswith("setpoint"):
         return None
-    return next((one for one in word_signals(system).values() if one.word.startswith("setpoint")), None)
+    known = (one for one in word_signals(system).values() if one.word == word.name)
+    unit, scale = scale_of(word.unit, word.format)
+    return next(known, WordSignal(_plain_name(word), unit, scale, word.name, word.doc))

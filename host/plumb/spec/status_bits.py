@@ -77,6 +77,7 @@ IMPLAUSIBLE = {
         "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign, and on wheels "
         "what counts them",
     ),
+    3: Bit("own", "a check of the system's own fails: the flags of its step say which"),
 }
 """PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h. From STOP_REASON_SHIFT on they have the word `stop_reason`
 of a step, whose bits its system declares (`stop_reason_texts`)."""
@@ -93,6 +94,7 @@ NOT_READY = {
     8: Bit("battery_full", "the battery is low: charge it, or set battery_min_mv lower"),
     9: Bit("battery_known", "the battery's voltage is not known: check its plug, and its divider"),
     10: Bit("calibrated", "the sensors were never calibrated: run plumb calibrate"),
+    11: Bit("own", "a condition of the system's own is not met: the flags of its step say which"),
 }
 """PLAUSIBILITY.missing."""
 ANALOG_INPUTS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
@@ -139,3 +141,15 @@ def stop_reason_signals() -> dict[int, Bit]:
         names.setdefault(bit, []).append(reason.name)
     texts = stop_reason_texts(None)
     return {bit: Bit("_or_".join(dict.fromkeys(of)), texts[bit]) for bit, of in names.items()}
+
+
+OWN_BITS = {"fails": 3, "unready": 11}
+"""Effect of a flag (`plumb.spec.system.Flag`) -> its bit of PLAUSIBILITY.failed or of PLAUSIBILITY.missing."""
+
+
+def own_check_texts(system: str | None, effect: str) -> dict[int, str]:
+    """The bit of a system that checks its output itself -> what its flags of this effect say; {} for any other system,
+    and for None, when it is not known."""
+    flags = declarations.system(system).flags if system else ()
+    said = " or ".join(flag.doc for flag in flags if getattr(flag, effect))
+    return {OWN_BITS[effect]: said} if said else {}

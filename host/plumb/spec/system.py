@@ -55,6 +55,17 @@ STOP_REASONS_MAX = 8
 """Word of a record that says why the step has stopped the motors, and the most bits that it may have."""
 WITH_BATTERY = ("ROTORS", "WHEELS")
 """Kinds whose pin set reads the battery."""
+UNUSED = "not used"
+"""`doc` of the setpoint of a system that reads none."""
+AXIS, FLIGHT, RIDE, OWN, UNCHECKED = "axis", "flight", "ride", "own", "none"
+CHECKS = {
+    AXIS: "gyro and accelerometer of one tilted axis agree, and it stands still (include/plumb/plausibility.h)",
+    FLIGHT: "it stands still and level with the throttle low (include/plumb/takeoff.h)",
+    RIDE: "as axis, and the step says why it has stopped the motors",
+    OWN: "flags of the step",
+    UNCHECKED: "nothing, for the reason that `unchecked` gives",
+}
+"""`checks` of an output -> what decides whether the board may be armed, and whether it stays so."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +97,14 @@ class Member:
 
 @dataclass(frozen=True)
 class Flag:
-    """One bit of the word `flags`. saturated: a raw count was outside its range."""
+    """One bit of the word `flags`. saturated: a raw count was outside its range. fails, unready: what it does as one of
+    a system's own checks: while it is set the board is disarmed and cannot be armed, or only cannot be armed."""
 
     name: str
     saturated: bool
     doc: str
+    fails: bool = False
+    unready: bool = False
 
 
 @dataclass(frozen=True)
@@ -181,6 +195,7 @@ class System:
     cycles: cycle budget of a step, cycles_mean of the mean step where work is spread over steps; None without a budget.
     missing_samples: `held` (the last sample is used again) or
     `marked` (every count is -32768). output: "" without an actuator, else a key of OUTPUTS; output_words drive it.
+    checks: "" without an actuator, else a key of CHECKS; unchecked: the reason for UNCHECKED.
     stop_reasons: bits of the word `stop_reason`, () without that word.
     period: the parameter that holds the period of a step in s.
     groups: shared parameter groups that the step reads; parameters: rows of the system's own groups.
@@ -228,6 +243,8 @@ class System:
     command_source: str = "link"
     stands_on: tuple[str, ...] = ()
     base_groups: tuple[str, ...] = ()
+    checks: str = ""
+    unchecked: str = ""
     stop_reasons: tuple[StopReason, ...] = ()
 
     @property
@@ -242,14 +259,8 @@ class System:
 
     @property
     def is_driven(self) -> bool:
-        """True for a system with an actuator: its sensors are checked; it may be armed."""
+        """True for a system with an actuator: it may be armed."""
         return self.output in OUTPUTS
-
-    @property
-    def checked_by(self) -> str:
-        """What decides whether a system that moves something may be armed (include/plumb/): plausibility, or takeoff
-        for one that flies."""
-        return "takeoff" if self.output == "ROTORS" else "plausibility"
 
     @property
     def counts(self) -> int:

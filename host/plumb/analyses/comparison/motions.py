@@ -32,9 +32,9 @@ import numpy.typing as npt
 
 from plumb.analyses.comparison.samples import SIXTEEN_BITS, Motion, sampled
 from plumb.analyses.comparison.table import Input, Trial
-from plumb.inputs.recording import G_MPS2, block_means
 from plumb.physics import rotation
 from plumb.physics.sensors import band_noise
+from plumb.readers.recording import G_MPS2, block_means
 
 FloatArray = npt.NDArray[np.float64]
 Generator = np.random.Generator

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import UsageError
-from plumb.inputs import recording
+from plumb.readers import recording
 from plumb.spec.tuning import Channel
 from plumb.tuning.channels import NO_SAMPLE, ideal_channel
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from plumb.analyses.identification import chosen_settings, rest
 from plumb.analyses.identification.innovations import Measured, Variances
 from plumb.errors import UsageError
-from plumb.inputs import recording, replay
 from plumb.kernels.reference.kernels import driving_rate
+from plumb.readers import recording, replay
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.tuning import AxisTuning
 from plumb.systems.run_reference import run_control

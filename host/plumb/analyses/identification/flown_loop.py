@@ -17,7 +17,7 @@ from plumb.analyses.identification.plant_fit import HIGHEST_HZ, LINES, Excitatio
 from plumb.analyses.identification.tested_loop import Gains, TestedLoop, loop_of, signals_of
 from plumb.boards.contract import RawCounts, Setpoints
 from plumb.errors import UsageError
-from plumb.inputs import log_replay
+from plumb.readers import log_replay
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.systems import run_fixed

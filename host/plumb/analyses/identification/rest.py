@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from plumb.errors import UsageError
-from plumb.inputs import log_replay, recording
+from plumb.readers import log_replay, recording
 from plumb.spec import declarations, parameters
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.tuning.quantise import ControlParams

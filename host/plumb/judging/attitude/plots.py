@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from plumb.judging import angles
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
 from plumb.proof.runs import Run
 from plumb.spec import declarations
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.records import Words
 from plumb.systems.attitude.scenarios import apart_deg
+
+MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
 BIAS_DPS = 360.0 / 2.0**32
 """Degrees per second in a unit of the bias."""

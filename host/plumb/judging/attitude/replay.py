@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from plumb.errors import UsageError
-from plumb.inputs import recording
-from plumb.inputs.replay import ReplayRequest
 from plumb.proof.runs import RunInputs
 from plumb.proof.scenario_run import OWN
+from plumb.readers import recording
+from plumb.readers.replay import ReplayRequest
 from plumb.systems.attitude import scenarios
 from plumb.systems.attitude.quantise import PERIODS_US
 from plumb.systems.attitude.tuning import AttitudeTuning

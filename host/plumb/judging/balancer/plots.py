@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from plumb.judging import angles
 from plumb.proof import metrics as measures
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_and_band, error_budget, of_band
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
 from plumb.systems.balancer.scenarios import OFFSET_G
+
+MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
 Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from plumb.judging import angles
 from plumb.proof import metrics as measures
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget, of_band
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
 from plumb.systems.phone.scenarios import G_MPS2, OFFSET_MPS2, inclination_deg, up
+
+MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
 TURN_DEG = 360.0 / 2.0**32
 """Degrees per unit of a binary angle."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from plumb.inputs import recording
-from plumb.inputs.replay import ReplayRequest
 from plumb.judging.phone.inputs import live_run, udp
 from plumb.proof.runs import RunInputs
 from plumb.proof.scenario_run import OWN
+from plumb.readers import recording
+from plumb.readers.replay import ReplayRequest
 from plumb.systems.phone import scenarios as phone
 from plumb.systems.phone.tuning import PhoneTuning
 from plumb.tuning.quantise import ControlParams, quantise

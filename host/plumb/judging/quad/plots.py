@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from plumb.judging import angles
 from plumb.proof import metrics as measures
 from plumb.proof.report import (
     ESTIMATE,
@@ -20,6 +21,8 @@ from plumb.proof.report import (
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
 from plumb.systems.quad.scenarios import OFFSET_G
+
+MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
 TURN_DEG = 360.0 / 2.0**32
 """Degrees per unit of a binary angle."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from plumb.inputs import recording
-from plumb.inputs.replay import ReplayRequest
 from plumb.proof.runs import RunInputs
 from plumb.proof.scenario_run import OWN
+from plumb.readers import recording
+from plumb.readers.replay import ReplayRequest
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning.quantise import ControlParams

@@ -10,12 +10,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from plumb.judging.angles import MAIN
 from plumb.judging.quadrotor import iris, loops
 from plumb.judging.quadrotor.flown import Flown, fly
 from plumb.physics.airframe import IRIS_X
 from plumb.proof import loop_figures
 from plumb.proof.figures import Figure, Sense
-from plumb.proof.limits import RMS as RMS_METRIC
 from plumb.proof.limits import Limit, Limits
 from plumb.proof.loop_figures import LeastMargins
 from plumb.proof.report import Plot
@@ -65,9 +65,7 @@ def _tuning(name: str) -> str:
 
 
 LIMITS: Limits = {
-    (name, _tuning(name), "closed"): (
-        Limit(RMS_METRIC, "at most", estimate[1], "deg", "asked of the worst of 40 seeds"),
-    )
+    (name, _tuning(name), "closed"): (Limit(MAIN, "at most", estimate[1], "deg", "asked of the worst of 40 seeds"),)
     for name, (estimate, _) in RMS.items()
     if estimate[1]
 }

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from plumb.judging import angles
 from plumb.physics.pilots import vertical
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
 from plumb.systems.attitude.scenarios import apart_deg
+
+MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
 AXES = ("x", "y", "z")
 ROTORS = ("front right", "front left", "rear left", "rear right")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from plumb.judging import angles
 from plumb.judging.turntable.gyro import attitudes, interpolated
 from plumb.proof.metrics import two_sigma
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, TWO_SIGMA, Line, Plot, error_budget
@@ -16,6 +17,8 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.turntable.motion import REST_S
 from plumb.systems.turntable.reference import rotation_deg
+
+MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
 RATE_DPS = 360.0 / 2.0**28
 """Degrees per second in a unit of a rate word."""

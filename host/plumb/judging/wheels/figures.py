@@ -11,12 +11,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from plumb.judging.angles import MAIN
 from plumb.judging.balancer import loops
 from plumb.judging.wheels import sweep
 from plumb.judging.wheels.ridden import Ridden, ride
 from plumb.proof import loop_figures
 from plumb.proof.figures import Figure, Sense
-from plumb.proof.limits import RMS as RMS_METRIC
 from plumb.proof.limits import Limit, Limits
 from plumb.proof.loop_figures import LeastMargins
 from plumb.proof.report import Plot
@@ -53,7 +53,7 @@ ASSUMED = (
     " closed; with 0.9 and 1.1 of the battery's voltage the worse one. tools/gen_margins.py sweeps the flash image: the"
     f" same loop of balance and that of the turn rate, at {sweep.ROLLS_MPS:g} m/s.",
 )
-LIMITS: Limits = {(name, TUNING, "closed"): (Limit(RMS_METRIC, "at most", RUN_DEG, "deg"),) for name in VELOCITY_MPS}
+LIMITS: Limits = {(name, TUNING, "closed"): (Limit(MAIN, "at most", RUN_DEG, "deg"),) for name in VELOCITY_MPS}
 
 
 @lru_cache(maxsize=2)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from plumb.judging import angles
 from plumb.proof import metrics as measures
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
+
+MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
 TURN_DEG, RATE_DPS, VELOCITY_MPS, DUTY = 360.0 / 2.0**32, 360.0 / 2.0**28, 2.0**-26, 2.0**-15
 

@@ -31,6 +31,7 @@ from plumb.proof.faults.sample_source import Source
 from plumb.spec import declarations, images
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame, protocol
+from plumb.spec.system import AXIS, FLIGHT, RIDE
 from plumb.systems.contracts import (
     PINS,
     AnalogPins,
@@ -172,10 +173,10 @@ class Scene:
             "bridge": declared.output == "BRIDGE",
             "break": isinstance(self.live, BridgePins),
             "esc": declared.output in ("PULSES", "ROTORS"),
-            CHECKED: declared.checked_by == "plausibility",
+            CHECKED: declared.checks in (AXIS, RIDE),
             HELD_BY_ITSELF: not isinstance(self.live, CommandedPins),
             LINKED: declared.command_source == "link",
-            PILOT: declared.checked_by == "takeoff",
+            PILOT: declared.checks == FLIGHT,
         }
         return frozenset(name for name, is_there in found.items() if is_there)
 

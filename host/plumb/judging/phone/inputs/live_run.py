@@ -14,11 +14,11 @@ import numpy as np
 
 from plumb.boards.contract import Answer, Board, RawCounts, Stepper
 from plumb.errors import LinkError, UsageError
-from plumb.inputs import recording
 from plumb.judging.phone.inputs.resampler import Step
 from plumb.judging.phone.inputs.udp import TURN_S, Intake, Listener
 from plumb.proof import runs
 from plumb.proof.compare import Divergence
+from plumb.readers import recording
 from plumb.systems import run_fixed
 from plumb.systems.phone import scenarios as phone
 from plumb.tuning.quantise import ControlParams, quantise

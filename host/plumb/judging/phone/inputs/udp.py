@@ -15,7 +15,6 @@ from pathlib import Path
 
 from plumb.errors import LinkError, UsageError
 from plumb.files import input_files
-from plumb.inputs import recording
 from plumb.judging.phone.inputs.apps import (
     LARGEST_BYTES,
     MOST_FILE_BYTES,
@@ -26,6 +25,7 @@ from plumb.judging.phone.inputs.apps import (
     read_file,
 )
 from plumb.judging.phone.inputs.resampler import SENSORS, Resampler, Step
+from plumb.readers import recording
 
 LOOPBACK, EVERYWHERE = "127.0.0.1", "0.0.0.0"
 PLACES = {"loopback": LOOPBACK, "all": EVERYWHERE}

@@ -1,0 +1,1 @@
+"""The sensor bridge: the simulated sensor board, and the frames of two buses forwarded and counted."""

@@ -1,1 +1,0 @@
-"""Sources of samples: recordings, the sensor board, the bridge between two buses."""

@@ -1,0 +1,1 @@
+"""Readers of logs, frame files and recordings, and their replay on a board."""

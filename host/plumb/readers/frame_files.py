@@ -1,0 +1,52 @@
+"""Files of frames that other tools write and read: BLF, ASC, TRC, candump and MF4.
+
+Such a file has no DBC and no identity; the messages are those of this version of plumb. Its parameters are those that
+its own frames carry.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from plumb.errors import UsageError
+from plumb.link.foreign_frames import READ, blocks_in, require_mf4
+from plumb.readers.log_file import BLOCK_FRAMES, FRAME, Frames, Log
+from plumb.spec.protocol import protocol
+
+MOST_MEMORY = 32 << 20
+"""Bytes of a file's frames that are held in memory; more are spooled to a temporary file."""
+_ADVICE = "give a log of `plumb record`, or a file of frames in the format of its suffix"
+
+
+def read_frames(path: Path) -> Log:
+    """The frames of a file as a log without identity. Raises UsageError for a file that cannot be read."""
+    if path.suffix.lower() not in READ:
+        raise UsageError(f"{path} is no file of frames, which end in {', '.join(READ)}; {_ADVICE}")
+    if path.suffix.lower() == ".mf4":
+        require_mf4()
+    spool = tempfile.SpooledTemporaryFile(MOST_MEMORY)  # noqa: SIM115 (the log reads it as long as it lives)
+    count = 0
+    for frames in blocks_in(path, _ADVICE):
+        spool.write(frames.tobytes())
+        count += len(frames)
+    if not count:
+        raise UsageError(f"{path} holds no frame; {_ADVICE}")
+    head: dict[str, object] = {"protocol": {"dbc_hash": f"0x{protocol().dbc_hash:08x}"}}
+    return Log(path, head, blocks=lambda: _blocks_of(spool), count=count, done={})
+
+
+def _blocks_of(spool: IO[bytes]) -> Iterator[Frames]:
+    """The frames of a spool from its beginning. Several readers may go through it at once."""
+    at = 0
+    while True:
+        spool.seek(at)
+        data = spool.read(BLOCK_FRAMES * FRAME.itemsize)
+        if not data:
+            return
+        at += len(data)
+        yield np.frombuffer(data, FRAME)

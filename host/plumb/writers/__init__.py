@@ -1,0 +1,1 @@
+"""Writers of logs and of the formats of other tools: files, pages, datagrams."""

@@ -1,0 +1,40 @@
+"""`gantry` in integers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from plumb.kernels.fixed.kernels import Params
+from plumb.kernels.integers import Integer, clamp, select, wrap_i32
+
+FAR = 1 << 24
+Y, Z_LOW, Z_HIGH = range(6, 9)
+"""Places of the commands among the inputs."""
+
+
+@dataclass(slots=True)
+class ControlState:
+    path: list[Integer] = field(default_factory=lambda: [0, 0, 0])
+    step: int = 0
+
+
+def control_init(p: Params) -> ControlState:
+    return ControlState()
+
+
+def control_valid(p: Params) -> bool:
+    return bool(1 <= p["gantry.step_counts"] <= 32767)
+
+
+def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: Integer) -> tuple[Integer, ...]:
+    """One step: the values of its words, in the written order."""
+    c.step += 1
+    asked = (setpoint, raw[Y], wrap_i32((raw[Z_HIGH] << 16) + (raw[Z_LOW] & 0xFFFF)))
+    most = p["gantry.step_counts"]
+    c.path = [
+        path + clamp(clamp(place, -FAR, FAR) - path, -most, most) for path, place in zip(c.path, asked, strict=True)
+    ]
+    apart = [path - raw[i] for i, path in enumerate(c.path)]
+    there = [place == path for place, path in zip(asked, c.path, strict=True)]
+    return (*raw, setpoint, *c.path, *apart, select(there[0] & there[1] & there[2], 1, 0), c.step)
