@@ -35,7 +35,7 @@ test: ## everything that has to hold before a change lands
 pytest: image native # the Python tests alone
 	$(PYTEST)
 
-test-times: ## processor time of the last whole run, by folder and test
+test-times: ## times of the last whole run, by folder and test
 	@$(VENV)/python tools/test_times.py
 
 # Before a commit: all but the sanitizers, the ways to compile the core, and the tests marked slow.
