@@ -18,6 +18,7 @@ from plumb.errors import UsageError
 from plumb.spec.records import RECORDS, Words
 from plumb.systems.contracts import tuning_for
 from plumb.tuning.quantise import quantise
+from plumb.tuning.variances import lsb_of
 from support.declared_systems import without_outputs
 
 ACCEL, INNOVATION, RATE = 1, 2, 4
@@ -32,7 +33,7 @@ def records(steps: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
     """Steps of an axis at rest, level and converged."""
     rows = np.zeros(steps, RECORDS["quad"])
     rows["accel_z_g_q26"] = G
-    rows["variance"] = round(R_DEG2 / QUAD.lsb_deg2 / 2**32)
+    rows["variance"] = round(R_DEG2 / lsb_of(QUAD) / 2**32)
     rows["k0_q29"] = round(K0 * 2**29)
     rows["step"] = np.arange(1, steps + 1)
     return rows
@@ -81,7 +82,7 @@ def test_the_innovation_is_held_to_15_deg_and_6_sigma(r_deg2: float, k0: float) 
     limit_deg = max(15.0, 6.0 * math.sqrt(r_deg2 / (1.0 - k0)))
     for innovation_deg, fails in ((0.995 * limit_deg, False), (1.005 * limit_deg, True)):
         rows = records(100)
-        rows["variance"][50:] = round(r_deg2 / QUAD.lsb_deg2 / 2**32)
+        rows["variance"][50:] = round(r_deg2 / lsb_of(QUAD) / 2**32)
         rows["k0_q29"][50:] = round(k0 * 2**29)
         rows["innovation_turn_q32"][50:] = np.int64(innovation_deg * DEG) * np.resize([1, -1], 50)
         found = fails_after_s(rows, 50, INNOVATION)

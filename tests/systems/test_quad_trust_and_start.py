@@ -13,6 +13,7 @@ from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.drawn_run import Scenario, on_grid
 from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning import quantise
+from plumb.tuning.variances import lsb_of
 
 
 def run(tuning: QuadTuning, name: str, seed: int = 1000) -> tuple[Scenario, Words]:
@@ -21,7 +22,7 @@ def run(tuning: QuadTuning, name: str, seed: int = 1000) -> tuple[Scenario, Word
 
 
 def r_deg2(tuning: QuadTuning, words: Words) -> np.ndarray:
-    return np.asarray(words["variance"] * quantise.quantise(tuning).lsb_deg2 * 2.0**32)
+    return np.asarray(words["variance"] * lsb_of(quantise.quantise(tuning)) * 2.0**32)
 
 
 def test_r_follows_the_deviation_from_1_g_within_its_limits() -> None:

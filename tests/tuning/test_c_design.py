@@ -22,6 +22,7 @@ import pytest
 
 from plumb.errors import SettingError, UsageError
 from plumb.tuning.quantise import ControlParams, groups_of, quantise
+from plumb.tuning.variances import lsb_of
 from support import c_design
 from support.campaigns import campaign
 from support.declared_systems import of_declared
@@ -81,7 +82,7 @@ def compare(tuning: Any) -> Counter[str]:
         return Counter(refused=1)
     assert not got.error, (got.field, tuning)
     if tuning.system != "turntable":
-        assert got.lsb_deg2 == pytest.approx(asked.lsb_deg2, rel=1e-15)
+        assert got.lsb_deg2 == pytest.approx(lsb_of(asked), rel=1e-15)
     return difference(asked, got.words, tuning)
 
 

@@ -50,6 +50,7 @@ from plumb.spec.records import RECORDS, Words
 from plumb.spec.system import COMMAND_WORDS_MAX, COUNTS_MAX, WORDS_PER_FRAME, group_of
 from plumb.tuning.groups import pid_of
 from plumb.tuning.quantise import ControlParams, quantise
+from plumb.tuning.variances import variance_turn2_q56
 
 IMAGE = Path("build/stm32f103/firmware.elf")
 CONTROL_BYTES = 1024
@@ -322,7 +323,7 @@ def _plausibility(elf: Image) -> Row:
         elf.symbol(f"plumb_{HURRIED}_plausibility").address,
         quantise(hurried.TUNINGS[hurried.DEFAULT_TUNING]),
     )
-    dt_s_q33, unit = params["kalman.dt_s_q33"], params.variance_turn2_q56
+    dt_s_q33, unit = params["kalman.dt_s_q33"], variance_turn2_q56(params)
     for _, _, raw, setpoint in _inputs(["adaptive"]):
         words = native_core.run_control(params, raw[:WILD_STEPS], setpoint[:WILD_STEPS])
         failed, missing = native_core.plausibility(params, words)

@@ -23,6 +23,7 @@ from plumb.spec.records import PLAUSIBILITY, RECORDS, VALIDITY, Words, block_dty
 from plumb.systems.run_fixed import check_inputs, parts_of
 from plumb.systems.tasks import Task
 from plumb.tuning.quantise import Changes, ControlParams
+from plumb.tuning.variances import variance_turn2_q56
 
 LIBRARY = "libplumb_native.so"
 CORE_VARIABLE = "PLUMB_NATIVE_CORE"
@@ -332,7 +333,7 @@ def plausibility(params: ControlParams, words: Words) -> tuple[npt.NDArray[np.ui
     """Run core/plausibility.c over the records of one run: after each step the bits of the failing checks, and of the
     missing conditions for arming, each of shape (steps,). Raises UsageError for a system without plausibility
     bounds."""
-    found = _plausibility(params, words, params.variance_turn2_q56)
+    found = _plausibility(params, words, variance_turn2_q56(params))
     return found["failed"].astype(np.uint16), found["missing"].astype(np.uint16)
 
 

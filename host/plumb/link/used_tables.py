@@ -90,7 +90,7 @@ class TableChange:
         if not self.announced or self.words is None or len(self.words) != len(parameters.table()):
             return None
         try:
-            params = ControlParams.from_words(parameters.control_part(self.words), before.lsb_deg2)
+            params = ControlParams.from_words(parameters.control_part(self.words), before.beside)
         except UsageError:
             return None
         return params if params.system == before.system else None

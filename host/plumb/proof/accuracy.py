@@ -27,6 +27,7 @@ from plumb.systems import run_reference
 from plumb.systems.contracts import fitted
 from plumb.tuning.groups import filter_of
 from plumb.tuning.quantise import ControlParams, groups_of, quantise
+from plumb.tuning.variances import lsb_of
 
 TURN_DEG = 360.0 / 2**32
 NEAR_HALF_TURN_DEG = 0.01
@@ -75,7 +76,7 @@ def filter_error_deg(
     z_q32, u_q28 = inputs.tilt_turn_q32, inputs.rate_turnps_q28
     fused, _ = native_core.kalman_run(params, inputs.variance, z_q32, u_q28)
     z_deg, u_dps = (z_q32 * TURN_DEG).tolist(), (u_q28 * (360.0 / 2**28)).tolist()
-    r_deg2 = (inputs.variance * (params.lsb_deg2 * 2**32)).tolist()
+    r_deg2 = (inputs.variance * (lsb_of(params) * 2**32)).tolist()
     period_s = params.period_s
     x = reference_kernels.kalman_init(start)
     tilt_deg = np.empty(len(z_deg))
@@ -125,15 +126,15 @@ def filter_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> fl
     innovation_deg: the largest innovation of the run. Gains are those of the filter at rest with the largest R.
     """
     (kalman, start, _), dt = filter_of(params), params.period_s
-    r = params["tilt.r_max"] * params.lsb_deg2 * 2**32
+    r = params["tilt.r_max"] * lsb_of(params) * 2**32
     q_angle, q_bias = kalman.q_angle_deg2_per_s * dt, kalman.q_bias_dps2_per_s * dt**3
     if q_bias == 0.0:
         return 180.0
     k0, k1 = steady_gains(q_angle, q_bias, r)
-    p01_lsb = -k1 * r / (1.0 - k0) / params.lsb_deg2
+    p01_lsb = -k1 * r / (1.0 - k0) / lsb_of(params)
     gains = 2.0**-28 / -k1 + 2.0**-28 / k0
     covariance = 2.0**-31 / k0**2 + 1.0 / (k0 * p01_lsb)
-    fall = 2.0**-29 * start.p11_dps2 * dt**2 / (params["tilt.r_base"] * params.lsb_deg2 * 2**32)
+    fall = 2.0**-29 * start.p11_dps2 * dt**2 / (params["tilt.r_base"] * lsb_of(params) * 2**32)
     return min(innovation_deg * (gains + covariance + fall) + 2.0 * TURN_DEG, 180.0)
 
 

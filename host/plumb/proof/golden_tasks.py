@@ -22,6 +22,7 @@ from plumb.spec.parameters import Parameter
 from plumb.systems import run_fixed
 from plumb.systems.tasks import Task
 from plumb.tuning.quantise import Change, ControlParams
+from plumb.tuning.variances import variance_turn2_q56
 
 CHANGES = 8
 """Number of changes in a retune."""
@@ -33,7 +34,7 @@ def task_of(kind: str, seed: int, params: ControlParams, raw: RawCounts, setpoin
     if kind == "retune":
         return Task(kind, params, raw, setpoint, changes=_changes(params, draw, len(raw)))
     if kind == "plausibility":
-        return Task(kind, params, raw, setpoint, unit_turn2_q56=params.variance_turn2_q56)
+        return Task(kind, params, raw, setpoint, unit_turn2_q56=variance_turn2_q56(params))
     nothing = np.zeros_like(raw), np.zeros_like(setpoint)
     return Task(kind, params, *nothing, tables=_tables(params, draw, len(raw)))
 

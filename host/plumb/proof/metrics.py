@@ -25,7 +25,7 @@ def wrap_deg(angle_deg: npt.ArrayLike) -> FloatArray:
 
 def two_sigma(variance_lsb: npt.ArrayLike, lsb: float) -> FloatArray:
     """Twice the standard deviation that the filter itself states, any shape. variance_lsb: its variance after the step;
-    lsb: one lsb of it in the square of the result's unit; for an angle's p00 `ControlParams.lsb_deg2`."""
+    lsb: one lsb of it in the square of the result's unit; for an angle's p00 `plumb.tuning.variances.lsb_of`."""
     return np.asarray(2.0 * np.sqrt(np.maximum(np.asarray(variance_lsb, np.float64), 0.0) * lsb))
 
 

@@ -16,6 +16,7 @@ from plumb.spec import declarations, parameters
 from plumb.spec.protocol import Protocol, check
 from plumb.spec.system import group_of
 from plumb.tuning.quantise import Change, Changes, ControlParams, groups_of
+from plumb.tuning.variances import from_turn2_q56
 
 MOST_CHANGES = 10_000
 """Most changes of parameters in one run: two a second, for more than an hour."""
@@ -145,9 +146,8 @@ def _used_parameters(values: dict[str, int], where: str) -> UsedParameters:
     system = known[values["system"]]
     groups = groups_of(system)
     own = {name: value for name, value in values.items() if group_of(name) in groups}
-    unit = values.get(parameters.UNIT, 0)
-    lsb_deg2 = unit / 2.0**56 * 360.0**2 / 2.0**32 if unit else 1.0
+    beside = from_turn2_q56(values.get(parameters.UNIT, 0))
     try:
-        return UsedParameters(ControlParams.of(system, own, lsb_deg2), values)
+        return UsedParameters(ControlParams.of(system, own, beside), values)
     except UsageError as error:
         raise UsageError(f"the parameters in {where} do not fit this version of plumb: {error}") from None

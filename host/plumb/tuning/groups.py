@@ -30,6 +30,7 @@ from plumb.spec.tuning import (
     Trust,
 )
 from plumb.tuning.quantise import ControlParams
+from plumb.tuning.variances import lsb_of
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -373,7 +374,7 @@ def channel_of(params: ControlParams, name: str, per_unit: float) -> Channel:
 
 def filter_of(params: ControlParams) -> tuple[Kalman, Start, Trust]:
     """The filter's settings in engineering units, using the set's unit of variance."""
-    p, dt, lsb = params.values, params.period_s, params.lsb_deg2
+    p, dt, lsb = params.values, params.period_s, lsb_of(params)
     r_lsb, shift = lsb * 2**32, p["tilt.deviation_shift"]
     gain = p["tilt.r_gain"] * r_lsb * 2.0 ** (2 * shift - 24)
     reached = p["tilt.r_base"] * r_lsb + gain * (p["tilt.deviation_max"] / 2**20) ** 2

@@ -17,30 +17,37 @@ from plumb.spec.system import group_of
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning
 
-__all__ = ["QUANTISER", "Change", "Changes", "ControlParams", "Quantiser", "dequantise", "groups_of", "quantise"]
+
+@dataclass(frozen=True)
+class Beside:
+    """What belongs to a set of words and is not in them. scales: what units that the set chose stand for, by name, to
+    convert words back; link: parameters of the link's part that a host sends with the words."""
+
+    scales: Mapping[str, float] = field(default_factory=dict)
+    link: Mapping[str, int] = field(default_factory=dict)
+
+
+NOTHING = Beside()
 
 
 @dataclass(frozen=True)
 class ControlParams:
     """plumb_params_t as integers by name, in the order of the table. Groups that the system does not read have their
-    defaults.
-
-    lsb_deg2: the unit of variance in deg^2, to convert variances back; the filter itself does not use it.
-    """
+    defaults."""
 
     values: dict[str, int]
-    lsb_deg2: float = field(default=1.0, compare=False)
+    beside: Beside = field(default=NOTHING, compare=False)
 
     @classmethod
-    def from_words(cls, words: Sequence[int], lsb_deg2: float = 1.0) -> ControlParams:
+    def from_words(cls, words: Sequence[int], beside: Beside = NOTHING) -> ControlParams:
         """From the words of the control part, signed or unsigned. Raises UsageError if their number is wrong or one is
         out of range."""
         whole = parameters.whole_table([int(word) & 0xFFFFFFFF for word in words])
         rows = [row for row in parameters.table() if row.owner == "control"]
-        return cls({row.name: row.from_word(word) for row, word in zip(rows, whole, strict=False)}, lsb_deg2)
+        return cls({row.name: row.from_word(word) for row, word in zip(rows, whole, strict=False)}, beside)
 
     @classmethod
-    def of(cls, system: str, own: Mapping[str, int], lsb_deg2: float = 1.0) -> ControlParams:
+    def of(cls, system: str, own: Mapping[str, int], beside: Beside = NOTHING) -> ControlParams:
         """From the words of the groups that the system reads. Raises UsageError if one is missing, unknown or out of
         range."""
         rows = [row for row in parameters.table() if row.owner == "control"]
@@ -52,7 +59,7 @@ class ControlParams:
         values = {row.name: own.get(row.name, row.default) for row in rows}
         for row in rows:
             parameters.check_range(row, values[row.name])
-        return cls({**values, "system": declarations.system(system).number}, lsb_deg2)
+        return cls({**values, "system": declarations.system(system).number}, beside)
 
     @property
     def system(self) -> str:
@@ -79,15 +86,9 @@ class ControlParams:
         """The 64-bit integer of two words."""
         return self.values[high] * (1 << 32) + self.values[low]
 
-    @property
-    def variance_turn2_q56(self) -> int:
-        """2^32 lsb of variance in turn^2, Q56, for the parameter of that name; 0 if lsb_deg2 is unknown."""
-        unit = round(self.lsb_deg2 * 2.0**32 / 360.0**2 * 2.0**56)
-        return unit if unit < 1 << 32 else 0
-
     def link_words(self) -> dict[str, int]:
         """The parameters of the link's part that belong to these words, as keywords for Session.upload."""
-        return {parameters.UNIT: self.variance_turn2_q56}
+        return {parameters.UNIT: 0, **self.beside.link}
 
     @property
     def period_s(self) -> float:

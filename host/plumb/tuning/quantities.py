@@ -17,7 +17,8 @@ from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.spec.parameters import Parameter
 from plumb.spec.tuning import CHOICE, NUMBER, AnyTuning, ForOnePeriod, Quantity
-from plumb.tuning.quantise import ControlParams, dequantise, quantise
+from plumb.tuning.quantise import NOTHING, ControlParams, dequantise, quantise
+from plumb.tuning.variances import from_turn2_q56, lsb_of
 
 Value = float | int | str
 
@@ -139,12 +140,12 @@ def _link_rows() -> tuple[Parameter, ...]:
 def control_of(table: Mapping[str, int]) -> ControlParams:
     """The control part of a table with its unit of variance; raises UsageError if the table does not say it."""
     words = [table[row.name] for row in parameters.table() if row.owner == "control"]
-    unit_deg2 = table[parameters.UNIT] / 2.0**56 * 360.0**2 / 2.0**32
-    if not unit_deg2 and any(row.unit.endswith("lsb") for row in own_rows(ControlParams.from_words(words))):
+    beside = from_turn2_q56(table[parameters.UNIT])
+    if beside is NOTHING and any(row.unit.endswith("lsb") for row in own_rows(ControlParams.from_words(words))):
         raise UsageError(
             "the board's parameters do not say their unit of variance: commit one with `plumb params tuning`"
         )
-    return ControlParams.from_words(words, unit_deg2 or 1.0)
+    return ControlParams.from_words(words, beside)
 
 
 def own_rows(params: ControlParams) -> list[Parameter]:
@@ -363,7 +364,7 @@ def _moves(row: Parameter, old: ControlParams, new: ControlParams) -> bool:
     set, and rounding moves them by less than 2 %."""
     a, b = _whole(row.name, old), _whole(row.name, new)
     if row.unit.endswith("lsb"):
-        a, b = a * old.lsb_deg2, b * new.lsb_deg2
+        a, b = a * lsb_of(old), b * lsb_of(new)
         return abs(a - b) > 0.02 * max(abs(a), abs(b))
     return a != b
 

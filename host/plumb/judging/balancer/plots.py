@@ -13,6 +13,7 @@ from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, erro
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
 from plumb.systems.balancer.scenarios import OFFSET_G
+from plumb.tuning.variances import lsb_of
 
 MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
@@ -61,7 +62,7 @@ def metrics(run: Run) -> dict[str, float | None]:
         "tilt_max_deg": float(np.max(np.abs(truth["tilt_deg"]))),
         "fallen_steps": float(np.count_nonzero(words["flags"] & FLAG_FALLEN)),
         **(
-            measures.Consistency.of(tilt, truth["tilt_deg"], scored, words["p00"], run.params.lsb_deg2).to_metrics()
+            measures.Consistency.of(tilt, truth["tilt_deg"], scored, words["p00"], lsb_of(run.params)).to_metrics()
             if known
             else {}
         ),
@@ -72,7 +73,7 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
     """Tilt, its error, rate, bias, velocity, duty, and fixed point against float64."""
     time_s, words, truth = run.inputs.time_s, run.board_words, run.inputs.truth
     apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
-    band = measures.with_offset(measures.two_sigma(words["p00"], run.params.lsb_deg2), OFFSET_G)
+    band = measures.with_offset(measures.two_sigma(words["p00"], lsb_of(run.params)), OFFSET_G)
     tilt = [
         Line("accelerometer only", accel_only_deg(run), SENSOR, 0.7),
         Line("true", truth["tilt_deg"], TRUTH, 1.6),

@@ -14,6 +14,7 @@ from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, erro
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
 from plumb.systems.phone.scenarios import G_MPS2, OFFSET_MPS2, inclination_deg, up
+from plumb.tuning.variances import lsb_of
 
 MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
@@ -74,7 +75,7 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
     for axis in AXES:
         lines = [Line("accelerometer only", run.words[f"{axis}_measured_turn_q32"] * TURN_DEG, SENSOR, 0.7)]
         lines += [Line("true", run.inputs.truth[f"{axis}_deg"], TRUTH, 1.6)] if known else []
-        band = measures.two_sigma(run.board_words[f"{axis}_p00"], run.params.lsb_deg2)
+        band = measures.two_sigma(run.board_words[f"{axis}_p00"], lsb_of(run.params))
         band = measures.with_offset(band, OFFSET_MPS2 / G_MPS2)
         lines.append(Line("estimate ± 2 sigma", estimate_deg(run, axis), ESTIMATE, band=band))
         found.append(Plot(axis.capitalize(), "deg", time_s, lines, of_band(OFFSET_MPS2 / G_MPS2)))

@@ -36,6 +36,7 @@ from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning import quantise
 from plumb.tuning.quantise import ControlParams
+from plumb.tuning.variances import lsb_of
 
 HEADLINE = ("tilt error", "motion", "trapezium")
 PLOTTED_SEED = 1000
@@ -201,7 +202,7 @@ def _consistency(batch: Batch, tuning: str, sense: Sense) -> Iterator[Figure]:
     words = native_core.run_control(params, batch.raw, np.zeros((batch.raw.shape[0], batch.raw.shape[2]), np.int32))
     tilt_deg = np.asarray(words["tilt_turn_q32"] * quad_plots.TURN_DEG, np.float64)
     runs = [
-        metrics.Consistency.of(tilt_deg[:, run], batch.tilt_deg[:, run], window, words["p00"][:, run], params.lsb_deg2)
+        metrics.Consistency.of(tilt_deg[:, run], batch.tilt_deg[:, run], window, words["p00"][:, run], lsb_of(params))
         for run in range(tilt_deg.shape[1])
     ]
     for claim, unit, asked, reach, values in (

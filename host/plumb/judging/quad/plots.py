@@ -21,6 +21,7 @@ from plumb.proof.report import (
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
 from plumb.systems.quad.scenarios import OFFSET_G
+from plumb.tuning.variances import lsb_of
 
 MEASURES, MAIN, APART = angles.MEASURES, angles.MAIN, angles.APART
 
@@ -46,7 +47,7 @@ def accel_only_deg(run: Run) -> FloatArray:
 
 def two_sigma_deg(run: Run) -> FloatArray:
     """Twice the standard deviation of the tilt, (steps,): the filter's own, and that of the accelerometer's offset."""
-    return measures.with_offset(measures.two_sigma(run.board_words["p00"], run.params.lsb_deg2), OFFSET_G)
+    return measures.with_offset(measures.two_sigma(run.board_words["p00"], lsb_of(run.params)), OFFSET_G)
 
 
 def metrics(run: Run) -> dict[str, float | None]:
@@ -83,7 +84,7 @@ def consistency(run: Run, error_deg: FloatArray) -> dict[str, float | None]:
     if not len(error_deg) or not np.isfinite(error_deg).all():
         return {}
     variance = run.board_words["p00"][run.inputs.scored]
-    return measures.Consistency.of_errors(error_deg, variance, run.params.lsb_deg2).to_metrics()
+    return measures.Consistency.of_errors(error_deg, variance, lsb_of(run.params)).to_metrics()
 
 
 def bias_settled_s(run: Run) -> float | None:

@@ -9,6 +9,7 @@ from plumb.systems.balancer.reference import GRAVITY_MPS2
 from plumb.systems.balancer.tuning import EDGES_MOST, SPEED_MOST_MPS, BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.tuning.groups import axis_of, axis_words, not_negative, refuse, whole
 from plumb.tuning.quantise import ControlParams
+from plumb.tuning.variances import in_variances
 
 WHEEL_SPEED_LIMIT = int(SPEED_MOST_MPS) << 26
 MOST = (1 << 31) - 1
@@ -23,7 +24,7 @@ def quantise(tuning: BalancerTuning) -> ControlParams:
         **_speed(tuning.speed, Fraction(int(tuning.period_us), 10**6)),
         **_drive(tuning.drive, tuning.speed),
     }
-    return ControlParams.of("balancer", own, float(lsb_deg2))
+    return ControlParams.of("balancer", own, in_variances(float(lsb_deg2)))
 
 
 def _share(name: str, tau_s: float, dt: Fraction) -> Fraction:

@@ -10,6 +10,7 @@ from plumb.spec.tuning import Trust
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 from plumb.tuning.groups import channel_of, channel_words, check_filter, check_numbers, filter_of, filter_words, refuse
 from plumb.tuning.quantise import ControlParams
+from plumb.tuning.variances import in_variances, lsb_of
 
 
 def quantise(tuning: PhoneTuning) -> ControlParams:
@@ -34,7 +35,7 @@ def quantise(tuning: PhoneTuning) -> ControlParams:
         **{f"roll.{name}": roll[f"kalman.{name}"] for name in ("qa_hi", "qa_lo", "qb", "qb_frac_q30")},
         **{f"roll.{name}": value for name, value in roll.items() if name.startswith("start.")},
     }
-    return ControlParams.of("phone", own, float(unit_deg2))
+    return ControlParams.of("phone", own, in_variances(float(unit_deg2)))
 
 
 def _both(tuning: PhoneTuning, finest: str = "pitch") -> tuple[dict[str, int], dict[str, int], Fraction]:
@@ -70,7 +71,7 @@ def dequantise(params: ControlParams) -> PhoneTuning:
     own |= {f"kalman.{name}": params[f"roll.{name}"] for name in ("qa_hi", "qa_lo", "qb", "qb_frac_q30")}
     own |= {f"tilt.{name}": params[f"roll.{name}"] for name in ("r_base", "r_max")}
     kalman, start, trust = filter_of(params)
-    roll_kalman, roll_start, roll_trust = filter_of(ControlParams({**params.values, **own}, params.lsb_deg2))
+    roll_kalman, roll_start, roll_trust = filter_of(ControlParams({**params.values, **own}, params.beside))
     return PhoneTuning(
         period_us=round(params.period_s * 1e6),
         gyro=channel_of(params, "gyro", 2**28 / 360),
@@ -78,7 +79,7 @@ def dequantise(params: ControlParams) -> PhoneTuning:
         pitch=PhoneAxis(kalman.q_angle_deg2_per_s, kalman.q_bias_dps2_per_s, trust.r_deg2, start),
         roll=PhoneAxis(roll_kalman.q_angle_deg2_per_s, roll_kalman.q_bias_dps2_per_s, roll_trust.r_deg2, roll_start),
         rates="euler" if params["phone.rates"] else "body",
-        r_left_out_deg2=params["tilt.r_max"] * params.lsb_deg2 * 2.0**32,
+        r_left_out_deg2=params["tilt.r_max"] * lsb_of(params) * 2.0**32,
         rate=kalman.rate,
         bias_max_dps=kalman.bias_max_dps,
         exact_period_s=params.period_s,
