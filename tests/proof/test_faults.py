@@ -51,7 +51,7 @@ SAMPLES = {
     ),
     "WHEELS": (
         "crash-without-reset", "crystal-fails", "host-silent", "loop-hangs", "break-input", "gyro-silent",
-        "accel-at-2g", "samples-cease",
+        "accel-at-2g", "samples-cease", "ridden-fallen", "ridden-encoders-dead", "ridden-switched-off",
     ),
 }  # fmt: skip
 """Kind of output -> rows of a vehicle that the short form runs: timer and pins of the others are not its own."""

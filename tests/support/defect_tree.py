@@ -20,9 +20,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from plumb.proof.faults import table
-from plumb.proof.faults.scene import PILOT
-from plumb.spec import declarations, images
-from plumb.spec.system import FLIGHT
+from plumb.proof.faults.pilot import PILOT, RIDER, flies, rides
+from plumb.spec import images
 from support.defects import ROOT, Defect
 
 IMAGE, NATIVE = "stm32f103", "native"
@@ -195,14 +194,13 @@ def running(system: str | None) -> str:
 
 
 def system_of_row(name: str) -> str | None:
-    """The system that alone has a row, where the image of all systems leaves it out: the one that a pilot flies."""
-    flown = [fault.needs >= {PILOT} for fault in table.FAULTS if fault.name == name.partition("@")[0]]
-    return next(filter(flies, table.tested_systems())) if flown and all(flown) else None
-
-
-def flies(system: str) -> bool:
-    """Whether a pilot's receiver may arm it, and it flies."""
-    return declarations.system(system).checks == FLIGHT
+    """The system that alone has a row, where the image of all systems leaves it out: the one that is flown, or the one
+    that is ridden."""
+    needs = [fault.needs for fault in table.FAULTS if fault.name == name.partition("@")[0]]
+    for feature, has in ((PILOT, flies), (RIDER, rides)):
+        if needs and all(feature in wanted for wanted in needs):
+            return next(filter(has, table.tested_systems()))
+    return None
 
 
 def judged(tree: Tree, defect: Defect) -> tuple[list[Verdict], list[str]]:

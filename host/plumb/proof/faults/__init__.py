@@ -7,5 +7,5 @@ outputs.py      when the output pins were unsafe
 reports.py      reports that the board sent, by frame and signal
 runner.py       restores the armed scene for every fault, injects, measures, and judges
 table.py        all faults, one module for each group: sensors, buses, clock, power, memory, host, frames, hangs,
-                flights (with pilot.py, who flies)
+                flights, rides (with pilot.py, who flies and rides)
 """

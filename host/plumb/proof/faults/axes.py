@@ -38,8 +38,8 @@ NAMES = {GYRO: "gyro", ACCEL: "accelerometer"}
 SHIFTS = {GYRO: 0, ACCEL: 8}
 BACK = {GYRO: GYRO_BACK, ACCEL: ACCEL_BACK}
 UNTRUE = "another chip answers, or it did not take its settings"
-DISARMED = (DISARMED_BY_FAULT, DISARMED_BY_DOUBT)
-"""Either check may come first."""
+DISARMED = (DISARMED_BY_FAULT, DISARMED_BY_DOUBT, BY_STEP)
+"""Any of these may come first: a step that takes rates at the rail for a fall stops the motors by itself."""
 
 
 def lies(which: str, axes: Sequence[int], value: Callable[[float, float], float]) -> Action:

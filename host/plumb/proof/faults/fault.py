@@ -18,7 +18,7 @@ Action = Callable[["Scene"], None]
 class Fault:
     """One row of the fault table.
 
-    name: unique; lower case with hyphens. group: sensors, buses, clock, power, memory, host, frames, hangs or flights.
+    name: unique; lower case with hyphens. group: one of table.GROUPS.
     what: the injection and its place, as one phrase. inject: injects at pins, buses, memory or frames; time may
     pass meanwhile. limit: a row of limits.toml. told: all reports that the board must make; a tuple inside lists
     alternatives. needs: features that the scene must have (Scene.features); with `estimate` the fault is only for
@@ -29,6 +29,7 @@ class Fault:
     hide its failure; "": any.
     moves_on: the board must keep driving; from the time of its report it must behave as required.
     after: runs at the end (the host or the supply is back); outputs must stay safe afterwards.
+    judge: looks at the scene after the limits have passed; why it is not as it should be, "" when it is.
     phases: inject at many phases of steps, pulses and keep-alives; the worst result counts. variants: number of ways
     to inject (Scene.variant); the worst result counts. interrupt: exception that must be enabled; 0: none.
     """
@@ -46,6 +47,7 @@ class Fault:
     by: str = ""
     moves_on: bool = False
     after: Action | None = None
+    judge: Callable[[Scene], str] | None = None
     phases: bool = False
     variants: int = 1
     interrupt: int = 0

@@ -9,8 +9,9 @@ from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.hangs import BY_WINDOW_WATCHDOG, loop_hangs
 from plumb.proof.faults.host import closes_and_opens, disarms, ends_run, silent
 from plumb.proof.faults.outputs import PROGRAM
+from plumb.proof.faults.pilot import PILOT
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.scene import PILOT, RECEIVER, Scene
+from plumb.proof.faults.scene import RECEIVER, Scene
 from plumb.proof.faults.sensors import GYRO_BACK, chip, digital
 from plumb.spec import crsf
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from plumb.link.identity import BLOCKED, FAULTS, RESET_CAUSES, bits_text, implausible, plausibility_text, sensors_text
+from plumb.spec import declarations
 from plumb.spec.protocol import protocol
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ class Told:
     """A required report: a signal of a frame, or an item of IDENTITY.
 
     mask: at least one of these bits must be set; with 0, a counter must have changed, or another signal must not be 0.
-    choice: instead of a mask, the DBC's name of the value. value: instead of a mask, exactly this value. passes: all
+    field: these bits hold one number, which must be that of the mask. choice: instead of a mask, the DBC's name of the
+    value. value: instead of a mask, exactly this value. passes: all
     bits of the mask must be 0 again later on.
     """
 
@@ -45,12 +47,15 @@ class Told:
     choice: str = ""
     value: int | None = None
     passes: bool = False
+    field: int = 0
 
     def holds(self, value: int, before: int) -> bool:
         if self.value is not None:
             return value == self.value
         if self.choice:
             return value == protocol()[self.frame].value(self.signal, self.choice)
+        if self.field:
+            return value & self.field == self.mask
         if self.mask:
             return bool(value & self.mask)
         return value != before if (self.frame, self.signal) in COUNTED else bool(value)
@@ -67,6 +72,8 @@ def report_text(frame: str, signal: str, value: int, system: str, choice: str = 
         meaning = choice
     elif frame == "SENSORS" and signal != "bus_failures":
         meaning = "; ".join(sensors_text({signal: value}))
+    elif signal == "flags":
+        meaning = bits_text(value, {bit: flag.name for bit, flag in enumerate(declarations.system(system).flags)})
     elif signal == "missing":
         meaning = "; ".join(plausibility_text({signal: value}, system))
     elif signal == "disarmed_by":

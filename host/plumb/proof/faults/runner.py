@@ -180,6 +180,8 @@ class Runner:
             safe_ms, why = self._held(scene, reports, healthy, watch, was_armed)
         if fault.prepare is None and not was_armed and ESTIMATE not in scene.features:
             why.append("the board was not armed when the fault came")
+        if fault.judge is not None and (wrong := fault.judge(scene)):
+            why.append(wrong)
         if fault.after is not None and not brief:
             fault.after(scene)
             scene.run(AFTER_S)

@@ -26,12 +26,13 @@ from plumb.flash.image import find_image
 from plumb.link import parameter_table
 from plumb.link.identity import Identity
 from plumb.link.session import Session
-from plumb.proof.faults.pilot import Pilot
+from plumb.proof.faults import pilot
+from plumb.proof.faults.pilot import PILOT, RIDER, Pilot, flies, rides
 from plumb.proof.faults.sample_source import Source
 from plumb.spec import declarations, images
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame, protocol
-from plumb.spec.system import AXIS, FLIGHT, RIDE
+from plumb.spec.system import AXIS, RIDE
 from plumb.systems.contracts import (
     PINS,
     AnalogPins,
@@ -58,16 +59,10 @@ HELD_BY_ITSELF = "held by itself"
 """A feature: the outputs are away from neutral with the setpoint 0; a setpoint that ceases does not stop them."""
 LINKED = "linked"
 """A feature: another link than the owner's may give the setpoint."""
-PILOT = "pilot"
-"""A feature: a pilot's receiver may arm it, and it flies."""
 RECEIVER = "receiver"
 """In place of a host's link: what armed the scene. A host on serial listens."""
-FLOWN_WORDS = {"receiver": 1, "calibrated": 1, "battery_min_mv": 10_000}
-"""Parameters of a vehicle with a pilot and a battery of three cells."""
 ARMING_S = 3.0
 """Longest time to arming, while the sensors come up and the estimate converges."""
-SWITCH_S = 0.5
-"""Longest time from the pilot's switch until the host hears that the board is armed."""
 LISTEN_S = 0.001
 """Interval at which the host reads its link; frames get the time of that reading."""
 
@@ -176,7 +171,8 @@ class Scene:
             CHECKED: declared.checks in (AXIS, RIDE),
             HELD_BY_ITSELF: not isinstance(self.live, CommandedPins),
             LINKED: declared.command_source == "link",
-            PILOT: declared.checks == FLIGHT,
+            PILOT: flies(self.name),
+            RIDER: rides(self.name),
         }
         return frozenset(name for name, is_there in found.items() if is_there)
 
@@ -306,8 +302,8 @@ def driving(
     board = VirtualBoard(image, link="serial" if by_pilot else link)
     try:
         params = quantise(fitted(scenario, tuning))
-        words = link_words(system, scenario) | (FLOWN_WORDS if by_pilot else {})
-        session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **words)
+        given = link_words(system, scenario) | (pilot.words(name) if by_pilot else {})
+        session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **given)
         if changes:
             parameter_table.commit(session, {**by_name(parameter_table.read_table(session)), **changes})
         coupling = parts.Coupling(board.machine, system.plant(scenario))
@@ -316,7 +312,7 @@ def driving(
         board.machine.advance_us(plant_on_pins.FOUND_US)
         session.begin("REALTIME_LIVE", frames=parts.FRAMES)
         if by_pilot:
-            fly(scene)
+            arm_by_receiver(scene)
         elif system.OUTPUT_FRAMES:
             arm(scene)
             command(scene)
@@ -340,16 +336,19 @@ def arm(scene: Scene) -> None:
         scene.run(0.05)
 
 
-def fly(scene: Scene) -> None:
-    """The pilot arms by his switch once the vehicle has stood for long enough, and raises the throttle; raises
-    LinkError when the board does not arm."""
-    assert isinstance(scene.live, CommandedPins)
-    scene.pilot = Pilot(scene.machine.now_s)
-    scene.run(ARMING_S)
-    scene.pilot.says = (0.0, True)
-    if not scene.run_until(lambda: scene.says_armed, SWITCH_S):
-        raise LinkError("the pilot's switch did not arm the board")
-    scene.pilot.says = (scene.live.DRIVING[0] / 32767, True)
+def arm_by_receiver(scene: Scene) -> None:
+    """The pilot arms by his switch once the vehicle has stood for long enough, and raises the throttle, or rides ahead;
+    raises LinkError when the board does not arm."""
+    scene.pilot = held = Pilot(scene.machine.now_s)
+    scene.run(pilot.STANDS_S if flies(scene.name) else pilot.HELD_S)
+    held.says = (0.0, True)
+    if not scene.run_until(lambda: scene.says_armed, pilot.SWITCH_S):
+        raise LinkError("the switch of the receiver did not arm the board")
+    if isinstance(scene.live, CommandedPins):
+        held.says = (scene.live.DRIVING[0] / 32767, True)
+    else:
+        held.pitch = pilot.RIDDEN
+        scene.run(pilot.RIDES_S)
 
 
 def command(scene: Scene) -> None:

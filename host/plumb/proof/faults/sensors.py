@@ -127,7 +127,7 @@ def broken(scene: Scene) -> None:
 def digital(cause: str, shift: int) -> Told:
     """SENSORS names this cause for the gyro (shift 0) or the accelerometer (8)."""
     number = next(key for key, text in SENSOR_CAUSES.items() if text == cause)
-    return Told("SENSORS", "digital", number << shift)
+    return Told("SENSORS", "digital", number << shift, field=0xFF << shift)
 
 
 def stuck(channel: int) -> tuple[Told, ...]:

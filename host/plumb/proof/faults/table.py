@@ -19,6 +19,7 @@ from plumb.proof.faults import (
     memory,
     power,
     registers,
+    rides,
     samples,
     sensors,
     takeoffs,
@@ -26,12 +27,13 @@ from plumb.proof.faults import (
 from plumb.proof.faults.fault import Fault
 from plumb.systems.contracts import PINS, AnalogPins
 
-GROUPS = ("sensors", "buses", "clock", "power", "memory", "host", "frames", "hangs", "flights")
+GROUPS = ("sensors", "buses", "clock", "power", "memory", "host", "frames", "hangs", "flights", "rides")
 FAULTS: tuple[Fault, ...] = (
     *sensors.FAULTS, *buses.FAULTS, *clock.FAULTS, *power.FAULTS, *memory.FAULTS, *registers.FAULTS,
     *host.FAULTS,
     *armings.FAULTS, *samples.FAULTS, *frames.FAULTS, *hangs.FAULTS,
     *flights.FAULTS, *takeoffs.FAULTS, *axes.FAULTS,
+    *rides.FAULTS,
 )  # fmt: skip
 
 

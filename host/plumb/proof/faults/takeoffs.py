@@ -8,8 +8,9 @@ from collections.abc import Callable
 
 from plumb.f103.attached.mpu6050 import Mpu6050
 from plumb.proof.faults.fault import Action, Fault
+from plumb.proof.faults.pilot import PILOT
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.scene import PILOT, RECEIVER, Scene, noise
+from plumb.proof.faults.scene import RECEIVER, Scene, noise
 
 FLOWN = frozenset({PILOT})
 Axes = tuple[float, float, float]

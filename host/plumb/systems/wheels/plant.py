@@ -45,6 +45,17 @@ class WheelsPlant:
         self._frozen: dict[int, int] = {}
         self._duties: Duties = (None, None)
 
+    @property
+    def time_s(self) -> float:
+        """Up to which it is simulated."""
+        return self.step * GRID_S
+
+    def happens_now(self, what: str, *, seconds: float = math.inf, size: float = 0.0, number: int = 0) -> None:
+        """One of rides.HAPPENINGS begins, beside those of the ride. Raises ValueError for an unknown one."""
+        if what not in rides.HAPPENINGS:
+            raise ValueError(f"nothing is called '{what}'; there are {', '.join(rides.HAPPENINGS)}")
+        self._happens += (rides.Happening(what, self.time_s, self.time_s + seconds, size, number),)
+
     def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
         """Simulate up to time_s with these duties; without any the motors coast."""
         duties = tuple(outputs[f"duty_{side}_q15"] / 32768.0 if outputs else None for side in ("left", "right"))
