@@ -1,13 +1,15 @@
 """The floors of host/plumb: a module imports its own floor and those below it, and floors have no circles.
 
-The order is that of the data: what is given, the kernels, the link, the chip, the systems, the boards, the proof, what
-feeds them, what learns from them, and what people call. An import inside a function counts like one at the top of the
-file; one for types alone counts too. What judges a system is loaded by name, so it stands above all that it uses.
+The order is that of the data: what is given, what every step has, the kernels, the link, the chip, the systems, the
+boards, the proof, what feeds them, what learns from them, and what people call. An import inside a function counts like
+one at the top of the file; one for types alone counts too. What judges a system is loaded by name, so it stands above
+all that it uses.
 """
 
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from functools import cache
@@ -18,7 +20,7 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "host" / "plumb"
 FLOORS = [
-    "checkout", "version", "process_signals", "errors", "extras", "near_names", "files", "spec", "physics",
+    "checkout", "version", "process_signals", "errors", "extras", "near_names", "files", "spec", "contract", "physics",
     "kernels", "tuning", "link", "flash", "f103", "systems", "boards", "proof", "readers", "writers", "bridge",
     "calibration", "analyses", "bench", "campaign", "api", "aio", "__init__", "cockpit", "cli", "pytest_plugin",
     "judging", "__main__",
@@ -91,3 +93,12 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
     except CycleError as error:
         raise AssertionError(" imports ".join(reversed(error.args[1]))) from error
     assert len(order) == len(modules())
+
+
+OF_ONE_FIELD = re.compile(r"attitude|\bangle|tilt|gyro|accel|kalman|quadrotor|wheels|balancer|lsb|_deg|turn_q32")
+
+
+@pytest.mark.parametrize("module", [module for module in modules() if module.startswith("contract/")])
+def test_what_every_step_has_speaks_of_no_field(module: str) -> None:
+    text = (PACKAGE / f"{module}.py").read_text(encoding="utf-8")
+    assert OF_ONE_FIELD.findall(text) == []

@@ -18,12 +18,12 @@ import numpy as np
 from plumb import systems
 from plumb.boards import native_core
 from plumb.boards.native import NativeBoard
-from plumb.physics import disturbance
+from plumb.contract import disturbance
+from plumb.contract.parameters import ControlParams, quantise
+from plumb.contract.scenario import PushedSystem, tuning_for
 from plumb.spec import declarations
 from plumb.spec.records import Words
 from plumb.spec.system import AXIS, RIDE
-from plumb.systems.contracts import PushedSystem, tuning_for
-from plumb.tuning.quantise import ControlParams, quantise
 
 SYSTEMS = tuple(name for name, declared in declarations.systems().items() if declared.checks in (AXIS, RIDE))
 """Systems with an actuator; one that flies is never disarmed by such a check."""

@@ -30,6 +30,9 @@ import numpy as np
 from plumb import systems
 from plumb.boards import native_core, native_plant
 from plumb.boards.contract import Answer
+from plumb.contract import run_reference
+from plumb.contract.parameters import ControlParams, quantise
+from plumb.contract.scenario import Scenario, System, fitted, tuning_for
 from plumb.errors import UsageError
 from plumb.proof import invariants, limits, runs
 from plumb.proof.figures import FIGURES
@@ -38,9 +41,7 @@ from plumb.proof.runs import PLOTS, Run, RunInputs
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.system_parts import Part
-from plumb.systems import run_reference, scoring
-from plumb.systems.contracts import Scenario, System, fitted, tuning_for
-from plumb.tuning.quantise import ControlParams, quantise
+from plumb.systems import scoring
 
 FLOWN_CLOSED = f"{limits.FLOWN_TABLES}-closed"
 """Tables of what the vehicle is off from its pilot's wish, in closed loop."""

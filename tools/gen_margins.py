@@ -22,11 +22,11 @@ from plumb import systems
 from plumb.analyses.identification import loop_test, pid_tuning, plant_fit, tested_loop
 from plumb.analyses.identification.pid_design import Wanted
 from plumb.boards.virtual import VirtualBoard
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import tuning_for
 from plumb.proof import loop_figures
 from plumb.spec import declarations
-from plumb.systems.contracts import tuning_for
 from plumb.tuning.loop_model import Margins
-from plumb.tuning.quantise import quantise
 
 SEED, PERIODS, AMPLITUDE_DEG = 1000, 8, 8.0
 WITHIN = 0.1

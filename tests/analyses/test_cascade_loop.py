@@ -13,6 +13,7 @@ from plumb import __main__ as front
 from plumb.analyses.identification import loop_test, pid_tuning, plant_fit, tested_loop
 from plumb.analyses.identification.pid_design import Wanted
 from plumb.boards.native import NativeBoard
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.judging.quadrotor import loops
 from plumb.judging.quadrotor.tested_loops import AxisOfVehicle
@@ -22,7 +23,6 @@ from plumb.systems.quadrotor.reference_rates import RateLoop
 from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains
 from plumb.tuning.cascade_model import Cascade, CascadeGains
 from plumb.tuning.loop_model import nearest_margins
-from plumb.tuning.quantise import quantise
 
 pytest.importorskip("scipy", reason="scipy is not installed: the extra tune")
 

@@ -15,12 +15,12 @@ from plumb.analyses.identification.pid_design import Wanted
 from plumb.boards import native_core
 from plumb.boards.contract import RawCounts, Setpoints
 from plumb.boards.native import NativeBoard
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.readers.log_file import Frames
 from plumb.spec.protocol import protocol
 from plumb.systems.quadrotor import scenarios
 from plumb.systems.quadrotor.plant import QuadrotorPlant
-from plumb.tuning.quantise import ControlParams, quantise
 from support.recordings import GAINS, log_of_counts, recorded_run, with_frames
 
 PERIOD_US = 5000

@@ -19,6 +19,7 @@ from plumb.api.parameters import Parameters
 from plumb.boards import native_core
 from plumb.boards.contract import RawCounts, Setpoints
 from plumb.cli import options, tune_vehicle
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.judging.quadrotor import flown_vehicle, iris
 from plumb.link.session import Session
@@ -31,7 +32,6 @@ from plumb.systems.quadrotor import scenarios
 from plumb.systems.quadrotor.plant import command_of
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.quadrotor.vehicle import Vehicles
-from plumb.tuning.quantise import ControlParams, quantise
 from support.native_board import NativeBoard
 from support.recordings import log_of_counts
 

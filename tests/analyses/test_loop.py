@@ -12,6 +12,7 @@ import pytest
 from plumb.analyses.identification import loop_test, pid_design, pid_tuning, plant_fit, tested_loop
 from plumb.analyses.identification.pid_design import Wanted
 from plumb.boards.native import NativeBoard
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.kernels.reference.kernels import PidState, kalman_init, kalman_step, pid_step
 from plumb.link.realtime import Capture
@@ -22,7 +23,6 @@ from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.pins import ESC_PINS
 from plumb.tuning import loop_model
 from plumb.tuning.loop_model import Controller, Loop, PlantModel
-from plumb.tuning.quantise import quantise
 
 pytest.importorskip("scipy", reason="scipy is not installed: the extra tune")
 

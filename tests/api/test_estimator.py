@@ -9,9 +9,9 @@ import numpy.typing as npt
 import pytest
 
 import plumb
+from plumb.contract import run_fixed
 from plumb.spec import declarations, parameters
 from plumb.spec.arrays import FloatArray
-from plumb.systems import run_fixed
 from plumb.tuning.channels import counts_of
 from support.declared_systems import of_declared
 

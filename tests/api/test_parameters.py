@@ -101,8 +101,8 @@ def test_limits_of_the_integers_are_those_of_the_table(board: Board) -> None:
 @pytest.mark.parametrize("system", declarations.names())
 def test_every_tuning_has_names_that_are_found(system: str) -> None:
     """Without a board: the names of each system's default tuning, and the words that hold them."""
+    from plumb.contract.parameters import quantise
     from plumb.tuning import quantities
-    from plumb.tuning.quantise import quantise
 
     params = quantise(plumb.Estimator(system).tuning)
     words = parameters.whole_table(params.words(), **params.link_words())

@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("unicorn")
 
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.link.identity import NackError
 from plumb.link.monitor import watch
@@ -19,7 +20,6 @@ from plumb.link.session import Session
 from plumb.spec.parameters import table
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.turntable import scenarios as turntable
-from plumb.tuning.quantise import quantise
 from support.pins import LSB_V, PINS, at_rest
 from support.sensor_bench import (
     BOOT_US,

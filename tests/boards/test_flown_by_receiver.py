@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 
 from plumb.boards.virtual_machine import open_machine
+from plumb.contract.parameters import quantise
 from plumb.f103.attached.adxl345 import Adxl345
 from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.attached.mpu6050 import Mpu6050
@@ -24,7 +25,6 @@ from plumb.link.session import Session
 from plumb.physics.battery import BATTERY_PIN, Battery
 from plumb.spec import crsf
 from plumb.systems import load
-from plumb.tuning.quantise import quantise
 from support.noise import with_noise
 
 IMAGE = Path(__file__).parents[2] / "build/images/quadrotor/firmware.elf"

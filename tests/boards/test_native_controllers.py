@@ -9,9 +9,9 @@ import numpy.typing as npt
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import ControlParams, quantise
 
 Counts = npt.NDArray[np.int16]
 STEPS, RUNS = 400, 3

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from plumb.boards import qemu
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import LinkError, UsageError
 from plumb.proof.golden_recipe import WILD
-from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import ControlParams, quantise
 
 FOLDER = Path(__file__).parents[2] / "build/stm32f103"
 IMAGE = FOLDER / qemu.image_name()

@@ -14,6 +14,7 @@ import pytest
 
 from plumb.boards.native_mcu import NativeMcu
 from plumb.boards.pulse_train import on_native, on_pin
+from plumb.contract import run_fixed
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.flash.elf import Elf
 from plumb.link.lockstep import Lockstep
@@ -22,7 +23,6 @@ from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
 from plumb.spec import crsf
 from plumb.spec.protocol import protocol
-from plumb.systems import run_fixed
 from plumb.systems.quadrotor import quantise, scenarios
 from support.image_patches import patched
 from support.noise import with_noise

@@ -21,6 +21,8 @@ pytest.importorskip("unicorn")
 
 from plumb.bridge.bridge import ARM_AFTER_STEPS
 from plumb.bridge.frame_counts import Flow
+from plumb.contract import run_fixed
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
@@ -28,9 +30,7 @@ from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.proof.shadow import Shadow
 from plumb.spec.protocol import protocol
-from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import quantise
 from support import slow_time
 from support.native_board import NativeBoard
 

@@ -7,11 +7,11 @@ import pytest
 
 from plumb.bridge.bridge import Bridge
 from plumb.bridge.sample_assembler import Samples
+from plumb.contract.parameters import quantise
 from plumb.link.sample_codec import Said, sample_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import quantise
 from support.native_board import AT_REST, NativeBoard
 from support.noise import with_noise
 

@@ -15,6 +15,7 @@ from plumb.bridge.bridge import BACKLOG_WINDOW, Bridge
 from plumb.bridge.bus_tap import BusTap
 from plumb.bridge.frame_counts import BoardCounts
 from plumb.bridge.sensor_board import RESET_AFTER_S, SensorBoard
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.link.sample_codec import sample_frames
 from plumb.link.session import Session
@@ -24,7 +25,6 @@ from plumb.spec import dbc
 from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
-from plumb.tuning.quantise import quantise
 from support.native_board import NativeBoard
 from support.slow_time import slow_down
 

@@ -15,11 +15,11 @@ from plumb.bridge import bus_end
 from plumb.bridge.bridge import Bridge, _Run
 from plumb.bridge.bus_end import End, carry
 from plumb.bridge.latency import STEPS, LatencyHistogram, drawn, short
+from plumb.contract.parameters import quantise
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import quantise
 from support.native_board import NativeBoard
 
 

@@ -12,6 +12,7 @@ from plumb import systems
 from plumb.calibration import vector_calibration
 from plumb.calibration.axis_calibration import Calibrated, Calibration
 from plumb.calibration.vector_calibration import VectorCalibration, calibration_of
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError, VerdictError
 from plumb.physics.hand import TurningHand
 from plumb.spec import declarations
@@ -19,7 +20,6 @@ from plumb.systems.attitude import poses
 from plumb.systems.attitude.held import HeldBody
 from plumb.systems.contracts import PINS, POSES
 from plumb.tuning.pose_calibration import Pose
-from plumb.tuning.quantise import quantise
 
 PERIOD_US = 20_000
 SEED = 7

@@ -11,13 +11,13 @@ import pytest
 
 from plumb import __main__ as front
 from plumb import systems
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.readers import run_parts
 from plumb.readers.log_file import Frames
 from plumb.spec.protocol import protocol
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 from plumb.systems.blackbox import COLUMNS
-from plumb.tuning.quantise import ControlParams, quantise
 from support.recordings import log_of_counts, with_frames
 from support.wild_quadrotor import wild_inputs
 

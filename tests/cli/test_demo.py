@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.flash.image import find_image
 from plumb.link.holding import Holding
 from plumb.proof import golden
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning import quantise
 
 pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 try:
@@ -84,7 +84,7 @@ def test_the_demo_holds_the_axis_level_and_agrees_in_every_bit(
 def test_a_live_open_loop_takes_the_counts_of_the_scenario_and_knows_its_truth_to_the_last_step() -> None:
     scenario = quad.scenario("motion", 1002, seconds=4.0)
     with VirtualBoard() as board:
-        flown = live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
+        flown = live_run.run_live(board, scenario, quantise(quad.TUNINGS["adaptive"]), open_loop=True)
     assert np.array_equal(flown.inputs.raw, scenario.counts())
     assert np.array_equal(flown.inputs.truth["bias_dps"], scenario.bias_dps)
 
@@ -94,7 +94,7 @@ def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
     """A step or two late, as over any link; which step was the first to use one the board says, so all is verified."""
     scenario = quad.scenario("motion", 1005, seconds=6.0)
     with VirtualBoard() as board:
-        flown = live_run.run_live(board, scenario, quantise.quantise(quad.HOLD))
+        flown = live_run.run_live(board, scenario, quantise(quad.HOLD))
     asked, used = scenario.setpoint().astype(np.int64), flown.inputs.setpoint.astype(np.int64)
     # The setpoint of `motion` changes in most of 300 steps.
     assert flown.verdict == "pass" and len(set(used.tolist())) > 50
@@ -121,4 +121,4 @@ def test_a_board_that_disarms_itself_ends_the_run(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(Holding, "follow", lambda holding, frames, run_tag: [])
     scenario = quad.scenario("hold", 1004, seconds=4.0)
     with VirtualBoard() as board, pytest.raises(LinkError, match="disarmed itself before step"):
-        live_run.run_live(board, scenario, quantise.quantise(quad.HOLD))
+        live_run.run_live(board, scenario, quantise(quad.HOLD))

@@ -14,11 +14,11 @@ import pytest
 from plumb import __main__ as front
 from plumb.boards.link import LinkBoard
 from plumb.cli import monitor_line
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
 from plumb.link import monitor
 from plumb.link.session import Session
 from plumb.spec import declarations, parameters
-from plumb.systems import run_fixed
-from plumb.tuning.quantise import ControlParams
 from support.native_board import NativeBoard
 
 RAW = (1690, 2300, 3000, 0, 0, 0)

@@ -15,12 +15,12 @@ import pytest
 from plumb import __main__ as front
 from plumb import systems
 from plumb.boards.link import LinkBoard
+from plumb.contract.scenario import LinkedSensors
 from plumb.errors import UsageError
 from plumb.link.identity import Identity, identity_of
 from plumb.link.session import Session
 from plumb.spec import declarations, parameter_file, parameters
 from plumb.spec.units import meaning
-from plumb.systems.contracts import LinkedSensors
 from support.declared_systems import of_declared, without_outputs
 from support.native_board import NativeBoard
 from support.params_command import in_use, params
@@ -247,7 +247,7 @@ def test_only_a_board_with_a_link_has_parameters(spec: str, capsys: pytest.Captu
 def test_a_board_becomes_a_system_with_its_shipped_tuning(
     board: NativeBoard, capsys: pytest.CaptureFixture[str], system: str
 ) -> None:
-    from plumb.tuning.quantise import quantise
+    from plumb.contract.parameters import quantise
 
     code, out, _ = params(capsys, "tuning", system, "--json")
     changed = json.loads(out)["changed"]

@@ -17,6 +17,7 @@ from plumb import __main__ as front
 from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.cli import link_test
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.link import monitor
 from plumb.link.selection import raw_frames_of
@@ -28,7 +29,6 @@ from plumb.readers import log_replay
 from plumb.spec import dbc, declarations
 from plumb.spec.parameters import table
 from plumb.spec.protocol import protocol
-from plumb.tuning.quantise import quantise
 from plumb.writers.recorder import FrameLog, Recorder, RunMemory
 from support.declared_systems import of_declared
 from support.native_board import NativeBoard

@@ -17,11 +17,10 @@ from plumb import __main__ as front
 from plumb import systems
 from plumb.boards.contract import Answer, RawCounts, Setpoints
 from plumb.boards.native import NativeBoard
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof import gain_changes, runs
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning import quantise
-from plumb.tuning.quantise import ControlParams
 from support.declared_systems import lacking
 
 METRICS = {
@@ -131,7 +130,7 @@ class LyingBoard(NativeBoard):
 @pytest.mark.parametrize("signal", ["innovation_turn_q32", "p11", "pulse_halfus_1"])
 def test_one_wrong_bit_is_a_failed_verdict_with_step_and_signal(signal: str) -> None:
     inputs = runs.prescribed(quad.scenario("motion", 3, seconds=4.0))
-    params = quantise.quantise(quad.TUNINGS["adaptive"])
+    params = quantise(quad.TUNINGS["adaptive"])
     judged = runs.open_loop(LyingBoard(77, signal), inputs, params)
     assert judged.verdict == "fail" and judged.mismatches == 1
     assert judged.divergence is not None
@@ -140,7 +139,7 @@ def test_one_wrong_bit_is_a_failed_verdict_with_step_and_signal(signal: str) -> 
 
 def test_a_lost_digest_is_unverified_not_passed() -> None:
     inputs = runs.prescribed(quad.scenario("motion", 3, seconds=4.0))
-    params = quantise.quantise(quad.TUNINGS["adaptive"])
+    params = quantise(quad.TUNINGS["adaptive"])
     answer = NativeBoard().run_injected(params, inputs.raw, inputs.setpoint)
     judged = runs.judge(NativeBoard(), inputs, params, replace(answer, unverified_from=120))
     assert judged.verdict == "unverified"

@@ -14,8 +14,8 @@ import pytest
 from plumb import __main__ as front
 from plumb import systems
 from plumb.analyses.identification import chosen_settings, rest
+from plumb.contract.parameters import groups_of, quantise
 from plumb.systems.quad.scenarios import TUNINGS, scenario
-from plumb.tuning.quantise import groups_of, quantise
 from support.recordings import log_of_counts, recorded_run
 
 

@@ -14,20 +14,20 @@ import pytest
 
 from plumb import __main__ as front
 from plumb import systems
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.link import parameter_table
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
 from plumb.spec import images, parameter_file
-from plumb.tuning.quantise import quantise
 from support.slow_time import slow_down
 
 pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 from plumb.boards import plant_on_pins
 from plumb.boards.virtual_machine import open_machine
+from plumb.contract.scenario import sensor_words
 from plumb.f103 import Machine
-from plumb.systems.contracts import sensor_words
 
 try:
     IMAGE = find_image()
@@ -115,10 +115,10 @@ def test_the_plant_is_on_the_pins_before_the_power_comes_on() -> None:
     from plumb.boards import plant_on_pins
     from plumb.boards.virtual import VirtualBoard
     from plumb.boards.virtual_machine import open_machine
+    from plumb.contract.parameters import quantise
     from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS
     from plumb.link.session import Session
     from plumb.systems.balancer import scenarios as balancer
-    from plumb.tuning.quantise import quantise
 
     with VirtualBoard() as board:
         plant_on_pins.configure_as(board, quantise(balancer.TUNED), period_us=balancer.PERIOD_US, **balancer.LINK)

@@ -16,6 +16,7 @@ pytest.importorskip("unicorn")
 from plumb import systems
 from plumb.boards import plant_on_pins
 from plumb.boards.virtual import VirtualBoard
+from plumb.contract.parameters import quantise
 from plumb.f103.attached.canwire import BIT_RECESSIVE
 from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_US
@@ -23,7 +24,6 @@ from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot, wiring
 from plumb.link.session import Session
 from plumb.systems.contracts import PINS
-from plumb.tuning import quantise
 from support.flash_image import image_path
 
 TRAFFIC_S = 0.05
@@ -42,7 +42,7 @@ def board(request: pytest.FixtureRequest, image: bytes) -> Iterator[VirtualBoard
     system, joined = systems.load(name), systems.load(name, PINS)
     run = system.scenario(joined.SCENARIO, 1, seconds=5.0)
     with VirtualBoard(link=link) as board:
-        params = quantise.quantise(system.TUNINGS[joined.TUNING])
+        params = quantise(system.TUNINGS[joined.TUNING])
         session = plant_on_pins.configure_as(board, params, period_us=run.period_us, arm_hold_ms=0, **system.LINK)
         joined.Coupling(board.machine, system.plant(run))
         board.machine.tim1.trace = []

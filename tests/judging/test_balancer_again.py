@@ -12,13 +12,13 @@ import numpy.typing as npt
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.judging.balancer.plots import TURN_DEG
 from plumb.judging.balancer.rides import Batch
 from plumb.proof import figures
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Trust
 from plumb.systems.balancer import scenarios as balancer
-from plumb.tuning.quantise import quantise
 
 RUNS, SCORED_FROM = 100, 1000
 GRAVITY, PENDULUM_M, SENSOR_M = 9.80665, 0.15, 0.10

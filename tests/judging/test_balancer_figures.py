@@ -100,7 +100,7 @@ def test_the_comparison_is_a_fair_one() -> None:
     from dataclasses import replace
 
     from plumb.boards import native_core
-    from plumb.tuning import quantise
+    from plumb.contract.parameters import quantise
 
     batches = [Batch.of(name, range(0, 20, 2)) for name in ("rough", "smooth")]
 
@@ -111,7 +111,7 @@ def test_the_comparison_is_a_fair_one() -> None:
             trust=replace(tuning.trust, r_deg2=tuning.trust.r_deg2 * r),
             kalman=replace(tuning.kalman, q_bias_dps2_per_s=tuning.kalman.q_bias_dps2_per_s * q),
         )
-        params, sums = quantise.quantise(tuning), 0.0
+        params, sums = quantise(tuning), 0.0
         for batch, asked_deg in zip(batches, (0.48, 0.40), strict=True):
             words = native_core.run_control(params, batch.raw, batch.setpoint)
             tilt_deg = np.asarray(words["tilt_turn_q32"] * TURN_DEG)
@@ -210,14 +210,14 @@ def test_the_vehicle_follows_its_command_better_once_it_is_settled() -> None:
 def test_a_push_tips_it_and_it_comes_back() -> None:
     """The largest of the prescribed pushes: 6 m/s^2 for 0.15 s, before there is any command."""
     from plumb.boards.native import NativeBoard
+    from plumb.contract.parameters import quantise
     from plumb.physics.sensors import Push
     from plumb.proof import runs
-    from plumb.tuning import quantise
 
     tilt = {}
     for size in (0.0, 6.0, -6.0):
         run = balancer.scenario("smooth", 1000, seconds=8.0, faults=(Push(size, 5.0, 5.15),))
-        inputs = runs.closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED)).inputs
+        inputs = runs.closed_loop(NativeBoard(), run, quantise(balancer.TUNED)).inputs
         tilt[size] = inputs.truth["tilt_deg"]
     pushed = slice(500, 540)
     # A push of 6 m/s^2 is 12 rad/s^2 for 0.15 s: 7.7 deg were nothing done against it; 1.9 and 2.2 are seen.

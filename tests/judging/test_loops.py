@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from plumb.boards.native import NativeBoard
+from plumb.contract.parameters import quantise
 from plumb.judging.balancer import figures as balancer_figures
 from plumb.judging.balancer import loops as balancer_loops
 from plumb.judging.quad import figures as quad_figures
@@ -17,7 +18,6 @@ from plumb.proof import loop_figures, runs
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.loop_model import Controller, Loop, nearest_margins
-from plumb.tuning.quantise import quantise
 
 
 def largest_tilt_deg(delay_ms: float) -> float:

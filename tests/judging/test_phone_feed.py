@@ -16,10 +16,10 @@ import pytest
 
 from plumb.boards import open_board
 from plumb.boards.contract import Board, RawCounts, StepOutput, Stepper
+from plumb.contract.parameters import ControlParams
 from plumb.errors import LinkError, UsageError
 from plumb.judging.phone.inputs import live_run, udp
 from plumb.systems.phone import scenarios as phone
-from plumb.tuning.quantise import ControlParams
 from support.phone_datagrams import SECONDS, run_of, sensagram, sensorstream
 from support.phone_feed import Sender, Wrong
 

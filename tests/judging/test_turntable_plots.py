@@ -9,14 +9,14 @@ import pytest
 
 from plumb.boards import native_core
 from plumb.boards.contract import Answer
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import fitted
 from plumb.judging.turntable import figures as turntable_figures
 from plumb.judging.turntable import plots
 from plumb.proof import runs, xy_plot
 from plumb.proof.report import Plot
 from plumb.proof.runs import Run
-from plumb.systems.contracts import fitted
 from plumb.systems.turntable import scenarios as turntable
-from plumb.tuning.quantise import quantise
 
 
 def panels(scenario: str, tuning: str, seconds: float = 14.0) -> tuple[Run, dict[str, Plot]]:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from plumb.boards.native import NativeBoard
+from plumb.contract.parameters import quantise
 from plumb.judging.balancer import loops
 from plumb.judging.wheels import figures, sweep
 from plumb.proof import loop_figures
 from plumb.systems.wheels import scenarios as wheels
 from plumb.systems.wheels.tuning import WheelsTuning
 from plumb.tuning.loop_model import nearest_margins
-from plumb.tuning.quantise import quantise
 
 FULL = max(wheels.BATTERY)
 

@@ -9,14 +9,14 @@ import numpy.typing as npt
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.kernels.fixed import kernels as fixed_kernels
 from plumb.kernels.fixed import trig
 from plumb.proof.compare import count_mismatches, first_digest_divergence, first_divergence
 from plumb.spec.records import RECORDS, Words, names_of
-from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import ControlParams, quantise
 from support.each_run import agreed, each
 from support.wild_params import wild_params
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract import run_reference
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.kernels.fixed import kernels as fixed_kernels
 from plumb.kernels.reference import kernels as reference_kernels
 from plumb.proof import accuracy
 from plumb.spec.tuning import Kalman, Pid, Start, Trust
-from plumb.systems import run_reference
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import ControlParams, quantise
 from support.tuning_box import CORNERS, corner
 
 STEPS = 1_000_000

@@ -12,11 +12,11 @@ import pytest
 
 from plumb.boards import native_build, native_core
 from plumb.cli import doctor
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.spec import dbc
-from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import ControlParams, quantise
 
 PARAMS = quantise(quad.TUNINGS["paper"])
 

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams, quantise
+from plumb.contract.step import FIXED, RetunedStep
 from plumb.kernels.fixed.kernels import PidState, pid_direct, pid_retune
 from plumb.spec import declarations, parameters
 from plumb.spec.records import RECORDS
-from plumb.systems import load, run_fixed
-from plumb.systems.contracts import FIXED, RetunedStep
-from plumb.tuning.quantise import ControlParams, quantise
+from plumb.systems import load
 from support.wild_params import wild_balancer_params, wild_params
 
 LIVE = [row for row in parameters.table() if row.live]

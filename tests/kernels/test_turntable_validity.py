@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.systems.turntable import scenarios as turntable
-from plumb.tuning.quantise import ControlParams, quantise
 
 GROUPS = ("gyro_filter", "angular_filter", "fusion")
 ROWS = [row for row in parameters.table() if row.group in GROUPS]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract.parameters import ControlParams
 from plumb.spec import declarations, parameters
-from plumb.tuning.quantise import ControlParams
 
 DEFAULT = {row.name: row.default for row in parameters.table() if row.owner == "control"}
 LIMIT = 7 << 28

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from plumb.contract.parameters import quantise
+from plumb.contract.run_fixed import Controller
 from plumb.kernels.fixed.trig import atan2
 from plumb.systems.quad import scenarios
-from plumb.systems.run_fixed import Controller
-from plumb.tuning.quantise import quantise
 from support.c_library import EXAMPLES, HEADERS, ROOT, build, run
 
 BARE = EXAMPLES / "cortex-m"

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from plumb import systems
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError
 from plumb.link import parameter_table
 from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
-from plumb.tuning.quantise import quantise
 from support.native_board import NativeBoard
 from support.noise import with_noise
 

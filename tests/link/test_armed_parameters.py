@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import pytest
 
+from plumb.contract import run_fixed
 from plumb.errors import LinkError, UsageError
 from plumb.link import parameter_table
 from plumb.link.identity import NackError
@@ -18,7 +19,7 @@ from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame
-from plumb.systems import run_fixed, shipped_tunings
+from plumb.systems import shipped_tunings
 from plumb.tuning import quantities
 from support.native_board import NativeBoard, NewBoard
 from support.sessions import STEER

@@ -17,6 +17,7 @@ from plumb.boards.virtual import VirtualBoard
 from plumb.boards.virtual_can import MachineBus
 from plumb.boards.virtual_machine import open_machine
 from plumb.cli import verbs
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.f103.attached.canwire import BIT_RECESSIVE, CRC, CanWire, WireFrame
 from plumb.flash.image import find_image
@@ -27,7 +28,6 @@ from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.proof.live_run import run_live
 from plumb.spec import parameters
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import quantise
 from support.pins import at_rest
 
 try:

@@ -13,6 +13,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 
 from plumb import systems
 from plumb.boards.virtual_can import MachineBus
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.machine import Machine
@@ -22,7 +23,6 @@ from plumb.link.session import Session
 from plumb.proof.faults.outputs import Watch
 from plumb.spec import images, parameters
 from plumb.spec.protocol import Frame
-from plumb.tuning.quantise import quantise
 from support.balancer_bench import Balancer
 from support.kept import as_made
 from support.native_board import AT_REST

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import pytest
 
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
 from plumb.link import parameter_table
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.proof.shadow import Shadow
 from plumb.spec.parameter_file import by_name
-from plumb.systems import run_fixed, shipped_tunings
+from plumb.systems import shipped_tunings
 from plumb.tuning import quantities
-from plumb.tuning.quantise import ControlParams
 from support.native_board import NewBoard
 from support.sessions import STEER
 

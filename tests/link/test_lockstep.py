@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.link.lockstep import Lockstep
 from plumb.link.realtime import Capture, unwrap
@@ -18,7 +19,6 @@ from plumb.link.transports.slcan import SlcanParser
 from plumb.spec import declarations
 from plumb.spec.protocol import protocol
 from plumb.systems.turntable import scenarios as turntable
-from plumb.tuning.quantise import quantise
 from support.native_board import BAUD_921600_NS, NativeBoard, NewBoard
 from support.sessions import CONTROL, BadLine
 from support.transcripts import begin, frame, said

@@ -9,13 +9,13 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 
 from plumb.boards.virtual import VirtualBoard
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.link.lockstep import Lockstep
 from plumb.link.session import Session
 from plumb.spec.parameters import control_part
 from plumb.systems.turntable import scenarios as turntable
-from plumb.tuning.quantise import quantise
 from support.pins import at_rest
 
 try:

@@ -13,13 +13,14 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 
 from plumb.boards import open_board
 from plumb.boards.virtual import VirtualBoard
+from plumb.contract import run_fixed
+from plumb.contract.parameters import Change
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.link.paced import PacedAnswer, PacedRun
 from plumb.spec.protocol import Frame, protocol
-from plumb.systems import run_fixed, shipped_tunings
+from plumb.systems import shipped_tunings
 from plumb.tuning import quantities
-from plumb.tuning.quantise import Change
 
 try:
     find_image()

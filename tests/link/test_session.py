@@ -13,6 +13,7 @@ import pytest
 
 from plumb import systems
 from plumb.boards.native_mcu import NEVER
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.link.identity import NackError
 from plumb.link.lockstep import Lockstep
@@ -23,7 +24,6 @@ from plumb.link.transports.slcan import text_of_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import Frame, crc8, protocol
-from plumb.tuning.quantise import quantise
 from support.native_board import BAUD_921600_NS, NativeBoard, NewBoard
 from support.sessions import CONTROL, BadLine, armed_session
 from support.transcripts import begin, frame, said

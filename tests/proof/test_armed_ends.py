@@ -14,6 +14,8 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 
 from plumb import systems
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import fitted
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.proof.faults import table
@@ -24,8 +26,7 @@ from plumb.proof.faults.scene import SEED, scenarios_of
 from plumb.spec import armed_values, declarations, parameters
 from plumb.spec.armed_values import LEAST
 from plumb.systems import shipped_tunings
-from plumb.systems.contracts import PINS, fitted
-from plumb.tuning.quantise import quantise
+from plumb.systems.contracts import PINS
 
 try:
     find_image()

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from plumb.contract import run_fixed
+from plumb.contract.parameters import quantise
 from plumb.proof.compare import Divergence, count_mismatches, divergence_at, first_divergence
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import quantise
 
 STEPS, WRONG, SIGNAL = 60, 37, "tilt_turn_q32"
 

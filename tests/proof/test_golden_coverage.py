@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from plumb.contract import run_fixed
 from plumb.proof import golden
 from plumb.spec import declarations
-from plumb.systems import run_fixed
 from support.core_coverage import lacking, unreached
 
 HERE = Path(__file__).parent

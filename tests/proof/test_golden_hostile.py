@@ -21,12 +21,12 @@ import pytest
 
 import plumb.__main__ as front
 from plumb.boards import native_core
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof import golden, golden_manifest, golden_recipe
 from plumb.proof.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, sealed
 from plumb.spec import declarations
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning import quantise
 from support.campaigns import campaign
 
 FOLDER = Path(__file__).parents[1] / "vectors"
@@ -413,8 +413,8 @@ def test_a_recipe_that_is_no_text_is_refused(folder: Path, capsys: pytest.Captur
 # ---- parameters ----
 
 
-def zero_parameters() -> quantise.ControlParams:
-    params = quantise.quantise(quad.TUNINGS["adaptive"])
+def zero_parameters() -> ControlParams:
+    params = quantise(quad.TUNINGS["adaptive"])
     return replace(params, values={name: 0 for name in params.values} | {"system": declarations.system("quad").number})
 
 

@@ -8,12 +8,12 @@ import pytest
 
 from plumb import systems
 from plumb.boards import native_core
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.compare import first_divergence
 from plumb.proof.golden_random import Draw
 from plumb.proof.golden_reach import reach
 from plumb.spec import declarations, parameters
-from plumb.systems import run_fixed
-from plumb.tuning.quantise import ControlParams, quantise
 from support.campaigns import campaign
 
 SYSTEMS = tuple(systems.SYSTEMS)

@@ -23,13 +23,13 @@ from plumb.boards import native_core, open_board
 from plumb.boards.contract import Answer, GivesWordsOfSteps
 from plumb.boards.native import NativeBoard
 from plumb.boards.program import vector_text
+from plumb.contract import run_fixed
 from plumb.errors import LinkError
 from plumb.flash.image import find_image, own_header
 from plumb.proof import golden, golden_checks
 from plumb.proof.golden_junit import junit, xml_text
 from plumb.proof.golden_page import page, plots
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 
 ROOT = Path(__file__).parents[2]
 PYTHON = sys.executable

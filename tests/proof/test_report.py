@@ -14,12 +14,12 @@ import numpy.typing as npt
 import pytest
 
 from plumb.boards.native import NativeBoard
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.judging.quad import plots as quad_plots
 from plumb.proof import report, runs, svg_plot
 from plumb.systems.quad.scenarios import TUNINGS
 from plumb.systems.quad.scenarios import scenario as quad_scenario
-from plumb.tuning.quantise import quantise
 
 TIME_S = np.arange(50_000) / 1000.0
 

@@ -18,13 +18,13 @@ from plumb import __version__
 from plumb.boards.native import NativeBoard
 from plumb.boards.native_core import core_path
 from plumb.checkout import CHECKOUT
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.judging import angles
 from plumb.proof import limits, run_identity, runs
 from plumb.proof.measures import main_of
 from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import quantise
 
 EPOCH, DATE = "1700000000", "2023-11-14T22:13:20Z"
 

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.readers import recording
 from plumb.readers.recording import G_MPS2
 from plumb.systems.quad.scenarios import TUNINGS
-from plumb.tuning.quantise import quantise
 from support.declared_systems import of_declared
 
 AXES = ("x", "y", "z")

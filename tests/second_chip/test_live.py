@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from plumb import systems
+from plumb.contract.parameters import ControlParams, quantise
+from plumb.contract.run_fixed import run_control
 from plumb.link.identity import NackError, sensors_text
 from plumb.link.realtime import Capture
 from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
 from plumb.physics.motor import FORWARD
 from plumb.spec import crsf, ppm
-from plumb.systems.run_fixed import run_control
-from plumb.tuning.quantise import ControlParams, quantise
 from second_chip import Chip
 from second_chip.adc import VDDA
 from second_chip.i2c import Adxl345, Itg3205, Mpu6050, RegisterSlave

@@ -11,14 +11,14 @@ import pytest
 
 from plumb import systems
 from plumb.boards.strap import set_strap
+from plumb.contract.parameters import quantise
+from plumb.contract.run_fixed import run_control
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
 from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
-from plumb.systems.run_fixed import run_control
 from plumb.systems.wheels.pins import MOTORS
-from plumb.tuning.quantise import quantise
 from second_chip import Chip, UartEnd
 from second_chip.adc import VDDA
 from second_chip.i2c import Mpu6050

@@ -144,8 +144,8 @@ def test_signals_on_the_wire_are_the_words_of_each_record() -> None:
 
 
 def test_factory_values_are_a_shipped_tuning() -> None:
+    from plumb.contract.parameters import quantise
     from plumb.systems.quad.scenarios import DEFAULT_TUNING, TUNINGS
-    from plumb.tuning.quantise import quantise
 
     rows = parameters.table()
     assert [row.default for row in rows if row.owner == "control"] == quantise(TUNINGS[DEFAULT_TUNING]).words()

@@ -11,6 +11,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from plumb import systems
 from plumb.boards.strap import set_strap
 from plumb.boards.virtual_can import MachineBus
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.f103 import Machine
 from plumb.f103.attached.adxl345 import Adxl345
@@ -19,7 +20,6 @@ from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.physics.motor import FORWARD
-from plumb.tuning.quantise import quantise
 from support.kept import as_made
 from support.sensor_bench import world
 

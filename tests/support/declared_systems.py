@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import pytest
 
 from plumb import systems
-from plumb.tuning.quantise import groups_of
+from plumb.contract.parameters import groups_of
 
 Row = TypeVar("Row", bound="str | tuple[Any, ...]")  # Any: what a test says of a system
 

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
 from plumb.proof.compare import first_divergence
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
-from plumb.tuning.quantise import ControlParams
 
 Counts, Integers = npt.NDArray[np.int16], npt.NDArray[np.int64]
 

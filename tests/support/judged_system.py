@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from plumb import systems
-from plumb.physics import disturbance
+from plumb.contract import disturbance
 from plumb.proof.invariants import INVARIANTS, Violation
 from plumb.proof.runs import Run
 from plumb.systems.quad import scenarios as quad

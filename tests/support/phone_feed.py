@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 from plumb.boards.contract import Board, RawCounts, StepOutput, Stepper
+from plumb.contract.parameters import ControlParams
 from plumb.errors import LinkError
-from plumb.tuning.quantise import ControlParams
 
 
 class Sender(threading.Thread):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from plumb import systems
+from plumb.contract.parameters import quantise
 from plumb.link.identity import NOT_READY, disarmed_text
 from plumb.link.session import Session
 from plumb.spec import crsf
-from plumb.tuning.quantise import quantise
 from support.native_board import NativeBoard
 from support.noise import with_noise
 

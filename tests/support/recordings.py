@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
 from plumb.files.block_file import Block, BlockWriter, read_blocks
 from plumb.link import parameter_table
 from plumb.link.session import Session
@@ -17,8 +19,6 @@ from plumb.readers.log_file import MAGIC, Frames, read_log
 from plumb.spec import dbc, parameters
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import protocol
-from plumb.systems import run_fixed
-from plumb.tuning.quantise import ControlParams
 from plumb.writers.log_writer import LogWriter
 from plumb.writers.recorder import Recorder
 from support.native_board import NativeBoard

@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("unicorn")
 
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.f103.attached.adxl345 import Adxl345
 from plumb.f103.attached.itg3205 import Itg3205
@@ -24,7 +25,6 @@ from plumb.link.session import Session
 from plumb.spec.parameters import table
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import quantise
 from support.kept import as_made
 
 PERIOD_US = 5000

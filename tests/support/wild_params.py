@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from plumb.contract.parameters import ControlParams
 from plumb.spec import parameters
 from plumb.systems.attitude.quantise import LEAST_STEPS, MOST_STEPS
 from plumb.tuning.mounting import mounting_words
-from plumb.tuning.quantise import ControlParams
 
 LONGEST_BLOCK_Q33 = 2731598643
 

@@ -11,14 +11,14 @@ import numpy.typing as npt
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.compare import first_divergence
 from plumb.proof.golden_recipe import WILD
 from plumb.spec import declarations
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.tuning import AttitudeTuning, Motion, Mounting, Rest
-from plumb.tuning.quantise import ControlParams, quantise
 from support.each_run import run_each
 from support.wild_params import wild_attitude_params
 

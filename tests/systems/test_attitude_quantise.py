@@ -11,11 +11,11 @@ import pytest
 
 import plumb
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.quantise import dequantise
 from plumb.systems.attitude.tuning import AttitudeTuning
-from plumb.tuning.quantise import quantise
 
 SQUARED = {
     "errors.bias_dps": 6.40586,

@@ -12,9 +12,9 @@ from plumb.analyses.comparison import motions
 from plumb.analyses.comparison.contenders import contenders
 from plumb.analyses.comparison.table import compare
 from plumb.boards import native_core
+from plumb.contract import run_fixed
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.quantise import quantise
 from plumb.systems.attitude.tuning import Aid

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract import run_fixed, run_reference
+from plumb.contract.parameters import ControlParams, dequantise, quantise
 from plumb.errors import UsageError
 from plumb.proof import accuracy
 from plumb.proof.compare import first_divergence
 from plumb.spec import parameters
 from plumb.spec.records import RECORDS, names_of
 from plumb.spec.tuning import Kalman, Pid, Start, Trust
-from plumb.systems import run_fixed, run_reference
 from plumb.systems.balancer import fixed
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
-from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from support.each_run import agreed
 from support.wild_params import wild_balancer_params
 

@@ -12,9 +12,10 @@ pytest.importorskip("unicorn")
 from plumb import systems
 from plumb.boards.plant_on_pins import sampling_began_s
 from plumb.boards.virtual import VirtualBoard
+from plumb.contract import disturbance
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError
 from plumb.f103 import Machine
-from plumb.physics import disturbance
 from plumb.proof import live_run
 from plumb.proof.runs import Run
 from plumb.systems.balancer import pins as balancer_live
@@ -23,9 +24,8 @@ from plumb.systems.balancer.drawn_run import GYRO
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.vehicle import EDGE_M
 from plumb.systems.contracts import PINS
-from plumb.tuning import quantise
 
-PARAMS = quantise.quantise(balancer.TUNED)
+PARAMS = quantise(balancer.TUNED)
 
 
 class Watched(balancer_live.Coupling):

@@ -10,13 +10,13 @@ import pytest
 
 from plumb import systems
 from plumb.boards.native import NativeBoard
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import fitted
 from plumb.judging.angles import MAIN
 from plumb.proof import invariants, limits, runs
 from plumb.proof.figures import limits_of
 from plumb.proof.measures import main_of
-from plumb.systems.contracts import fitted
 from plumb.systems.quadrotor.courses import COURSES
-from plumb.tuning.quantise import quantise
 
 FAR_DEG = 93.0
 GROUNDED = {("topples", "open"), ("ice-both", "open")}

@@ -11,16 +11,16 @@ import numpy.typing as npt
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract import run_fixed, run_reference
+from plumb.contract.parameters import ControlParams, dequantise, quantise
 from plumb.errors import UsageError
 from plumb.proof import accuracy, golden, metrics
 from plumb.proof.compare import first_divergence
 from plumb.spec.records import RECORDS, Words, names_of
 from plumb.spec.tuning import Start
-from plumb.systems import run_fixed, run_reference
 from plumb.systems.phone import scenarios as phone
 from plumb.systems.phone.reference import rates_of
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
-from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from support.each_run import agreed
 from support.wild_params import wild_phone_params
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract import disturbance
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import Plant, Scenario
 from plumb.errors import UsageError
 from plumb.judging.phone import figures as phone_figures
-from plumb.physics import disturbance
 from plumb.proof.figures import UNASKED, Figure
-from plumb.systems.contracts import Plant, Scenario
 from plumb.systems.phone import scenarios as phone
-from plumb.tuning import quantise
 from support.once_per_run import once_per_run, run_folder
 
 SEEDS = (1000, 1001, 1002, 1003)
@@ -211,7 +211,7 @@ def test_a_stuck_gyro_axis_shows() -> None:
     errors = []
     for faults in ((), asked):
         run = phone.scenario("general", 1001, faults=faults)
-        words = native_core.run_control(quantise.quantise(phone.EULER), run.counts(), run.setpoint())
+        words = native_core.run_control(quantise(phone.EULER), run.counts(), run.setpoint())
         angles = [words[f"{axis}_turn_q32"] * (360.0 / 2**32) for axis in ("pitch", "roll")]
         errors.append(np.sqrt(np.mean(phone.inclination_deg(phone.up(*angles), run.vertical)[run.scored] ** 2)))
     assert errors[1] > 10.0 * errors[0]

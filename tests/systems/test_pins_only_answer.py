@@ -9,8 +9,8 @@ pytest.importorskip("unicorn")
 from plumb import systems
 from plumb.boards.plant_on_pins import sampling_began_s
 from plumb.boards.virtual import VirtualBoard
+from plumb.contract.parameters import quantise
 from plumb.systems.contracts import PINS, AnalogPins
-from plumb.tuning.quantise import quantise
 
 STEPS = 5
 

@@ -14,10 +14,10 @@ import pytest
 
 from plumb import systems
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import tuning_for
 from plumb.errors import UsageError
 from plumb.spec.records import RECORDS, Words
-from plumb.systems.contracts import tuning_for
-from plumb.tuning.quantise import quantise
 from plumb.tuning.variances import lsb_of
 from support.declared_systems import without_outputs
 

@@ -12,17 +12,17 @@ import pytest
 
 from plumb import __main__ as front
 from plumb import systems
+from plumb.contract import disturbance
+from plumb.contract.parameters import dequantise, quantise
+from plumb.contract.step import FIXED, REFERENCE
 from plumb.errors import UsageError
 from plumb.judging.quad import bandwidth
-from plumb.physics import disturbance
 from plumb.proof.figures import FIGURES
 from plumb.proof.runs import PLOTS
 from plumb.spec import declarations, parameters
 from plumb.spec.records import RECORDS
-from plumb.systems.contracts import FIXED, REFERENCE
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
-from plumb.tuning.quantise import dequantise, quantise
 
 
 def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:

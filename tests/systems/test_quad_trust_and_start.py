@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.spec.records import Words
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.drawn_run import Scenario, on_grid
 from plumb.systems.quad.tuning import QuadTuning
-from plumb.tuning import quantise
 from plumb.tuning.variances import lsb_of
 
 
 def run(tuning: QuadTuning, name: str, seed: int = 1000) -> tuple[Scenario, Words]:
     drawn = quad.scenario(name, seed)
-    return drawn, native_core.run_control(quantise.quantise(tuning), drawn.counts(), drawn.setpoint())
+    return drawn, native_core.run_control(quantise(tuning), drawn.counts(), drawn.setpoint())
 
 
 def r_deg2(tuning: QuadTuning, words: Words) -> np.ndarray:
-    return np.asarray(words["variance"] * lsb_of(quantise.quantise(tuning)) * 2.0**32)
+    return np.asarray(words["variance"] * lsb_of(quantise(tuning)) * 2.0**32)
 
 
 def test_r_follows_the_deviation_from_1_g_within_its_limits() -> None:
@@ -43,7 +43,7 @@ def test_r_spans_1000_to_1() -> None:
     raw[:, 0] = round(quad.CALIBRATION.gyro.zero_counts)
     for column, g, channel in ((1, y_g, quad.CALIBRATION.accel), (2, np.ones(200), quad.CALIBRATION.accel_up)):
         raw[:, column] = np.rint(channel.zero_counts + g / channel.unit_per_count)
-    r = r_deg2(tuning, native_core.run_control(quantise.quantise(tuning), raw, np.zeros(200, np.int32)))
+    r = r_deg2(tuning, native_core.run_control(quantise(tuning), raw, np.zeros(200, np.int32)))
     assert r[0] == pytest.approx(0.25, rel=0.01) and r[-1] == pytest.approx(250.0, rel=0.01)
     assert (np.diff(r) >= 0.0).all() and (r[y_g > 0.7] == r[-1]).all(), "and no further"
 

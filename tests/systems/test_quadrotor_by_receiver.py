@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from plumb.boards.native_mcu import NativeMcu
+from plumb.contract import run_fixed
 from plumb.link.realtime import Capture
 from plumb.link.sample_codec import layout_of, sample_frames
 from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
 from plumb.spec import crsf
-from plumb.systems import run_fixed
 from plumb.systems.quadrotor import quantise, scenarios
 from plumb.systems.quadrotor.plant import QuadrotorPlant
 

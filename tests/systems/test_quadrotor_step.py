@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from plumb.contract.parameters import ControlParams
 from plumb.spec import declarations
 from plumb.systems.quadrotor import fixed
-from plumb.tuning.quantise import ControlParams
 from support.each_run import agreed
 from support.quadrotor_by_hand import (
     BLOCK_STEPS,

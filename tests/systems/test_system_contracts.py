@@ -17,6 +17,9 @@ from plumb.analyses.comparison.contenders import COMPARE
 from plumb.analyses.flights.estimators import FLIGHT
 from plumb.boards.plant_on_pins import coupler
 from plumb.cli.demo import DEMO
+from plumb.contract.parameters import QUANTISER
+from plumb.contract.scenario import SCENARIOS, Plant, Scenario, System
+from plumb.contract.step import FIXED, REFERENCE
 from plumb.errors import UsageError
 from plumb.proof.figures import FIGURES
 from plumb.proof.invariants import INVARIANTS
@@ -26,21 +29,11 @@ from plumb.spec import system_parts
 from plumb.spec.system_parts import Part
 from plumb.systems.balancer import pins as balancer_pins
 from plumb.systems.balancer import scenarios as balancer
-from plumb.systems.contracts import (
-    FIXED,
-    PINS,
-    REFERENCE,
-    SCENARIOS,
-    Coupling,
-    Plant,
-    Scenario,
-    System,
-)
+from plumb.systems.contracts import PINS, Coupling
 from plumb.systems.quad import pins as quad_pins
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.turntable import pins as turntable_pins
 from plumb.systems.turntable import scenarios as turntable
-from plumb.tuning.quantise import QUANTISER
 from support.declared_systems import without_part
 
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy"

@@ -10,12 +10,12 @@ import pytest
 
 from plumb import systems
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.kernels.fixed import takeoff
 from plumb.kernels.fixed.takeoff import CONVERGING, MOVING, SETPOINT, SETTLING, TILTED
 from plumb.spec.records import RECORDS, Words
 from plumb.systems.quadrotor.fixed import LANDED, TAKEOFF
-from plumb.tuning.quantise import quantise
 
 PARAMS = quantise(systems.load("quadrotor").TUNINGS["hummingbird"])
 DT_S_Q33 = round(PARAMS.period_s * 2**33)

@@ -11,16 +11,15 @@ import numpy.typing as npt
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract import disturbance, run_fixed, run_reference
+from plumb.contract.parameters import ControlParams, dequantise, quantise
 from plumb.errors import UsageError
 from plumb.judging.turntable.plots import RATE_DPS, attitude, reference_attitude
-from plumb.physics import disturbance
 from plumb.proof.compare import first_divergence
 from plumb.spec.records import RECORDS, Words, names_of
-from plumb.systems import run_fixed, run_reference
 from plumb.systems.turntable import scenarios as turntable
 from plumb.systems.turntable.reference import rotation_deg
 from plumb.systems.turntable.tuning import Prefilter, TurntableTuning
-from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from support.each_run import agreed
 from support.wild_params import wild_turntable_params
 

@@ -13,17 +13,17 @@ pytest.importorskip("unicorn")
 
 from plumb.boards.virtual import VirtualBoard
 from plumb.cli.monitor_line import line
+from plumb.contract import disturbance
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.link.monitor import Monitor, begin_live
-from plumb.physics import disturbance
 from plumb.physics.sensors import ADC_COUNTS, ADC_REFERENCE_V
 from plumb.proof import live_run
 from plumb.proof.runs import Run
 from plumb.systems.turntable import pins as turntable_live
 from plumb.systems.turntable import scenarios as turntable
-from plumb.tuning import quantise
 
-PARAMS = quantise.quantise(turntable.TUNINGS["analog"])
+PARAMS = quantise(turntable.TUNINGS["analog"])
 AT_ONCE = turntable.with_fusion(turntable.TUNINGS["analog"], rest_s=0.1, lag_s=0.0)
 HALF_V, DPS_V = ADC_REFERENCE_V / 2.0, ADC_REFERENCE_V / ADC_COUNTS * turntable.ADC_LSB_PER_DPS
 ANGULAR = 8
@@ -69,7 +69,7 @@ def test_the_monitor_shows_attitude_and_rates() -> None:
     """Turning at 30 deg/s about x since 0.2 s: about 15 deg of roll after 0.7 s."""
     with VirtualBoard() as board:
         session, machine = board.session, board.machine
-        session.upload(quantise.quantise(AT_ONCE).words(), period_us=turntable.PERIOD_US)
+        session.upload(quantise(AT_ONCE).words(), period_us=turntable.PERIOD_US)
         begin_s = machine.now_us * 1e-6
         for index, pin in enumerate(turntable_live.ADC_PINS):
             machine.adc[pin] = lambda t_s, x=index == 0: (  # type: ignore[misc]

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from plumb.contract import disturbance
 from plumb.errors import UsageError
 from plumb.judging.turntable import figures as turntable_figures
 from plumb.judging.turntable import gyro as turntable_gyro
-from plumb.physics import disturbance
 from plumb.proof import figures
 from plumb.systems.turntable import reference as reference_turntable
 from plumb.systems.turntable import scenarios as turntable

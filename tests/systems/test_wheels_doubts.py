@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.physics.sensors import Fault
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.systems.wheels import fixed, rides, scenarios
 from plumb.systems.wheels.plant import WheelsPlant
 from plumb.systems.wheels.rides import Happening
-from plumb.tuning.quantise import quantise
 
 SECONDS, MOVES_S, FULL = 9.0, 4.0, 32768.0
 LEFT, RIGHT, ACCEL_X, ACCEL_Z = 4, 5, 1, 2

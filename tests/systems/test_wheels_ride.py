@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from plumb.systems.run_fixed import Controller
+from plumb.contract.parameters import quantise
+from plumb.contract.run_fixed import Controller
 from plumb.systems.wheels import ride, rides, scenarios
 from plumb.systems.wheels.ride import Vehicle
-from plumb.tuning.quantise import quantise
 
 SEED, PERIOD_S = 1000, scenarios.PERIOD_US * 1e-6
 DUTIES = tuple(f"duty_{side}_q15" for side in ("left", "right"))

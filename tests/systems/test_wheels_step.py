@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from plumb.contract import run_fixed
+from plumb.contract.parameters import quantise
 from plumb.spec import declarations
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 from plumb.systems.wheels import fixed
 from plumb.systems.wheels import scenarios as wheels
-from plumb.tuning.quantise import quantise
 
 PARAMS = quantise(wheels.STEERED)
 DECLARED = declarations.system("wheels")

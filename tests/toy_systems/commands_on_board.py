@@ -16,6 +16,8 @@ from plumb import systems
 from plumb.boards import open_board
 from plumb.boards.contract import SimulatedBoard
 from plumb.boards.plant_on_pins import configure_as
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.link.identity import NackError
 from plumb.link.realtime import Capture
 from plumb.link.sample_codec import command_frames
@@ -23,8 +25,6 @@ from plumb.link.selection import raw_frames_of
 from plumb.link.session import Session
 from plumb.spec import declarations
 from plumb.spec.protocol import Frame
-from plumb.systems import run_fixed
-from plumb.tuning.quantise import ControlParams, quantise
 from plumb.writers.recorder import Recorder
 
 STEPS = 40

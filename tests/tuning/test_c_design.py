@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from plumb.contract.parameters import ControlParams, groups_of, quantise
 from plumb.errors import SettingError, UsageError
-from plumb.tuning.quantise import ControlParams, groups_of, quantise
 from plumb.tuning.variances import lsb_of
 from support import c_design
 from support.campaigns import campaign

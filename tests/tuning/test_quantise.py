@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from plumb.boards import native_core
+from plumb.contract.parameters import ControlParams, dequantise, quantise
 from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.tuning import QuadTuning
 from plumb.systems.turntable import scenarios as turntable
-from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from support.tuning_box import CORNERS, PAPER, corner
 
 

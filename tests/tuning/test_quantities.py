@@ -8,13 +8,13 @@ from typing import ClassVar
 import pytest
 
 from plumb import systems
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
 from plumb.spec.system import group_of
 from plumb.spec.tuning import NUMBER, Channel, quantity
 from plumb.systems import shipped_tunings
 from plumb.tuning import quantities
-from plumb.tuning.quantise import quantise
 
 DEFAULTS = {row.name: row.default for row in parameters.table()}
 QUAD = shipped_tunings.table_of("quad", None)

@@ -18,10 +18,10 @@ from pymavlink.dialects.v20 import common
 from plumb import __main__ as front
 from plumb import systems
 from plumb.boards.link import LinkBoard
+from plumb.contract.parameters import quantise
 from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.mavlink import MAVLINK
-from plumb.tuning.quantise import quantise
 from plumb.writers.mavlink_stream import MavlinkStream
 from support.native_board import NativeBoard
 

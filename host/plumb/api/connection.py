@@ -19,6 +19,7 @@ from plumb.api.runs import RunResult, request_of, run_own
 from plumb.boards import contract, open_board, open_link_board, plant_on_pins
 from plumb.boards.contract import SimulatedBoard
 from plumb.boards.link import LinkBoard
+from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.link import monitor
 from plumb.link.discovery import resolved
@@ -27,7 +28,6 @@ from plumb.process_signals import endings, raise_ending
 from plumb.proof import scenario_run
 from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
-from plumb.tuning.quantise import quantise
 from plumb.version import installed
 
 if TYPE_CHECKING:

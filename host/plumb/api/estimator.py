@@ -12,13 +12,13 @@ import numpy.typing as npt
 from plumb.api import arguments
 from plumb.api.signals import ArraySignals, StepSignals
 from plumb.boards import native_core
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof.scenario_run import tuning_of
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.tuning.channels import NO_SAMPLE, counts_of, ideal_channel, with_channels
-from plumb.tuning.quantise import ControlParams, quantise
 
 if TYPE_CHECKING:
     from plumb.spec.tuning import AnyTuning, Channel

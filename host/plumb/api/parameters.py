@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from plumb.api.kept_parameters import KeptParameters
 from plumb.api.parameter_limits import float_limits, int_limits
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.link import parameter_table
 from plumb.link.session import Session
@@ -15,7 +16,6 @@ from plumb.spec import parameters
 from plumb.spec.parameter_file import by_name
 from plumb.spec.tuning import AnyTuning
 from plumb.tuning import quantities
-from plumb.tuning.quantise import quantise
 from plumb.tuning.quantities import Value
 
 

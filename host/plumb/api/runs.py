@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from plumb.api import arguments
 from plumb.api.signals import ArraySignals
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.proof import runs, scenario_run
 from plumb.proof.compare import Divergence
@@ -19,7 +20,6 @@ from plumb.proof.scenario_run import OWN, RunRequest, ScenarioRun
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
-from plumb.tuning.quantise import ControlParams
 
 if TYPE_CHECKING:
     from plumb.boards.contract import Board
@@ -256,7 +256,7 @@ def run_own(
     board: Board, name: str, params: ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike | None
 ) -> RunResult:
     """Run raw counts of the caller's own in lockstep; raises UsageError for a wrong shape or number."""
-    from plumb.systems.run_fixed import check_inputs
+    from plumb.contract.run_fixed import check_inputs
 
     try:
         given = np.asarray(raw)

@@ -34,6 +34,7 @@ from plumb.bench.m3_timing import path_cost
 from plumb.boards import native_core
 from plumb.boards.virtual import VirtualBoard
 from plumb.checkout import CHECKOUT
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.flash.call_graph import CallGraph
 from plumb.flash.named_images import named_image
@@ -49,7 +50,6 @@ from plumb.spec.protocol import protocol
 from plumb.spec.records import RECORDS, Words
 from plumb.spec.system import COMMAND_WORDS_MAX, COUNTS_MAX, WORDS_PER_FRAME, group_of
 from plumb.tuning.groups import pid_of
-from plumb.tuning.quantise import ControlParams, quantise
 from plumb.tuning.variances import variance_turn2_q56
 
 IMAGE = Path("build/stm32f103/firmware.elf")

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
+    from plumb.contract.parameters import Changes, ControlParams
     from plumb.f103.machine import Machine
     from plumb.link.session import Session
     from plumb.spec.records import Words
-    from plumb.tuning.quantise import Changes, ControlParams
 
 RawCounts = npt.NDArray[np.int16]
 """Raw counts of every step, shape (steps, 6); a system uses the first few columns."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from plumb.boards.in_process import InProcessBoard
-from plumb.systems import run_fixed, run_tasks
+from plumb.contract import run_fixed
+from plumb.systems import run_tasks
 
 if TYPE_CHECKING:
     from plumb.boards.contract import RawCounts, Setpoints
+    from plumb.contract.parameters import Changes, ControlParams
     from plumb.spec.records import Words
     from plumb.systems.tasks import Task
-    from plumb.tuning.quantise import Changes, ControlParams
 
 
 class FixedBoard(InProcessBoard):

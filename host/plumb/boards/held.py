@@ -7,9 +7,10 @@ from pathlib import Path
 
 from plumb import systems
 from plumb.boards.link import LinkBoard
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import sensor_words
 from plumb.physics.hand import Hand
-from plumb.systems.contracts import PINS, POSES, sensor_words
-from plumb.tuning.quantise import quantise
+from plumb.systems.contracts import PINS, POSES
 
 
 @dataclass(frozen=True)

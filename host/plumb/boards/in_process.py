@@ -11,12 +11,12 @@ import numpy.typing as npt
 
 from plumb import systems
 from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.contract import run_fixed
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 from plumb.systems.tasks import KINDS, Task
 
 if TYPE_CHECKING:
-    from plumb.tuning.quantise import Changes, ControlParams
+    from plumb.contract.parameters import Changes, ControlParams
 
 
 class Controller(Protocol):

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 from plumb import systems
 from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.contract.scenario import System
 from plumb.errors import UsageError
 from plumb.link.endpoint_names import CanName, SerialName
 from plumb.link.lockstep import Lockstep
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_can
 from plumb.spec.records import Words
-from plumb.systems.contracts import System
 
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from plumb.tuning.quantise import ControlParams
+    from plumb.contract.parameters import ControlParams
 
 CHUNK_STEPS = 500
 """Steps between two updates of the progress bar."""

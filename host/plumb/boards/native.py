@@ -9,9 +9,9 @@ from plumb.boards.in_process import InProcessBoard
 
 if TYPE_CHECKING:
     from plumb.boards.contract import RawCounts, Setpoints
+    from plumb.contract.parameters import Changes, ControlParams
     from plumb.spec.records import Words
     from plumb.systems.tasks import Task
-    from plumb.tuning.quantise import Changes, ControlParams
 
 
 class NativeBoard(InProcessBoard):

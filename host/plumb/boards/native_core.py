@@ -1,4 +1,4 @@
-"""The C core in this process, by ctypes: the functions of `plumb.systems.run_fixed` at the speed of C.
+"""The C core in this process, by ctypes: the functions of `plumb.contract.run_fixed` at the speed of C.
 
 The library is the one installed with the package, or in a checkout the build of the `native` preset.
 """
@@ -17,12 +17,12 @@ import numpy.typing as npt
 
 from plumb.boards.native_build import BUILD, stale_text
 from plumb.checkout import CHECKOUT, PACKAGE
+from plumb.contract.parameters import Changes, ControlParams
+from plumb.contract.run_fixed import check_inputs, parts_of
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
 from plumb.spec.records import PLAUSIBILITY, RECORDS, VALIDITY, Words, block_dtype, names_of
-from plumb.systems.run_fixed import check_inputs, parts_of
 from plumb.systems.tasks import Task
-from plumb.tuning.quantise import Changes, ControlParams
 from plumb.tuning.variances import variance_turn2_q56
 
 LIBRARY = "libplumb_native.so"

@@ -13,13 +13,13 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards import native_build, native_core
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract.parameters import ControlParams
+from plumb.contract.scenario import Scenario
 from plumb.errors import UsageError
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import RECORDS, Words
 from plumb.systems.compiled_plants import COMPILED, DrawnRun
-from plumb.systems.contracts import Scenario
-from plumb.tuning.quantise import ControlParams
 
 FAULTS_MOST = 32
 """PLANT_FAULTS_MAX."""

@@ -9,8 +9,8 @@ from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.boards.native_mcu import NativeUart
 from plumb.boards.native_served import ServedNative, open_native
+from plumb.contract.scenario import Plant
 from plumb.link.session import Session
-from plumb.systems.contracts import Plant
 
 
 class FollowingUart(NativeUart):

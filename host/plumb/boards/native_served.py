@@ -16,12 +16,13 @@ import can
 from plumb import systems
 from plumb.boards.flash_file import SLOTS_BYTES, KeptSlots
 from plumb.boards.native_mcu import NativeMcu, State
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import Plant, calibrated_words, sensor_words
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.link.session import Session
 from plumb.spec import crsf, declarations
 from plumb.spec.protocol import FRAME_DLC
-from plumb.systems.contracts import PINS, Plant, calibrated_words, sensor_words
-from plumb.tuning.quantise import quantise
+from plumb.systems.contracts import PINS
 
 FOLLOW_US = 1000
 """Interval at which the plant receives the outputs, and the sensors the plant's counts."""

@@ -12,13 +12,14 @@ from plumb.boards.contract import SimulatedBoard
 from plumb.boards.link import LinkBoard
 from plumb.boards.strap import BY_PIN_SET, set_strap
 from plumb.boards.virtual_machine import START_US
+from plumb.contract.parameters import ControlParams, quantise
+from plumb.contract.scenario import Plant, Scenario, calibrated_words, fitted, link_words, sensor_words
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.f103.machine import Machine
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
 from plumb.spec import crsf, declarations
-from plumb.systems.contracts import PINS, Coupling, Plant, Scenario, calibrated_words, fitted, link_words, sensor_words
-from plumb.tuning.quantise import ControlParams, quantise
+from plumb.systems.contracts import PINS, Coupling
 
 FOUND_US = 50_000
 """The board finds digital sensors within this time after they are connected."""

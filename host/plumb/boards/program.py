@@ -13,8 +13,8 @@ to stdout, and exits with code 0. All text is ASCII, numbers are decimal, fields
     steps N                                 the last line of the header; then a line for each step:
     RAW0 RAW1 RAW2 RAW3 RAW4 RAW5 SETPOINT  six int16 counts, an int32
 
-A vector that is more than steps of one set of parameters (plumb.systems.tasks) begins with `plumb-program 2`, so that a
-program which was written for the first version refuses it. Its header has also
+A vector that is more than steps of one set of parameters (plumb.systems.tasks) begins with `plumb-program 2`, so that
+a program which was written for the first version refuses it. Its header has also
 
     kind retune                             or: plausibility, refusal
     variance_turn2_q56 N                    of plausibility: the value of 2^32 lsb of variance, for the check
@@ -56,7 +56,7 @@ from plumb.spec.records import RECORDS, Words
 from plumb.systems.tasks import KINDS, Task
 
 if TYPE_CHECKING:
-    from plumb.tuning.quantise import ControlParams
+    from plumb.contract.parameters import ControlParams
 
 VERSION = 1
 TASK_VERSION = 2

@@ -21,14 +21,14 @@ import numpy as np
 
 from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.checkout import CHECKOUT
+from plumb.contract.run_fixed import check_inputs, parts_of
 from plumb.errors import LinkError, UsageError
 from plumb.spec import dbc, images
 from plumb.spec.records import RECORDS, Words
-from plumb.systems.run_fixed import check_inputs, parts_of
 from plumb.systems.tasks import Task
 
 if TYPE_CHECKING:
-    from plumb.tuning.quantise import Changes, ControlParams
+    from plumb.contract.parameters import Changes, ControlParams
 
 PROGRAM = "qemu-system-arm"
 MACHINES = {"m0": "microbit", "m3": "mps2-an385", "m4": "mps2-an386", "m7": "mps2-an500"}

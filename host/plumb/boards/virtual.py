@@ -17,7 +17,7 @@ from plumb.link.session import Session
 from plumb.spec import images
 
 if TYPE_CHECKING:
-    from plumb.tuning.quantise import Changes, ControlParams
+    from plumb.contract.parameters import Changes, ControlParams
 
 
 class VirtualBoard(LinkBoard):

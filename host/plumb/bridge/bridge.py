@@ -26,6 +26,7 @@ from plumb.bridge.bus_end import (
 from plumb.bridge.frame_counts import BoardCounts, Flow
 from plumb.bridge.latency import LatencyHistogram
 from plumb.bridge.sample_assembler import SAMPLE_MESSAGES, Samples
+from plumb.contract.parameters import ControlParams
 from plumb.errors import LinkError
 from plumb.link.identity import NackError, disarmed_text
 from plumb.link.real_time_watch import RealTimeWatch
@@ -36,7 +37,6 @@ from plumb.proof.shadow import Shadow
 from plumb.spec import dbc, declarations
 from plumb.spec.parameters import control_part
 from plumb.spec.protocol import Frame, protocol
-from plumb.tuning.quantise import ControlParams
 
 FIRST_SAMPLE_HINT_S = 3.0
 """Wait for the first sample before the bridge asks whether a sensor board is running."""

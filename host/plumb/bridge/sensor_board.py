@@ -23,12 +23,12 @@ from collections.abc import Callable, Mapping
 
 import can
 
+from plumb.contract.scenario import Plant
 from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.said_setpoint import SaidSetpoint
 from plumb.link.sample_codec import InputLayout, sample_frames
 from plumb.spec import crsf
 from plumb.spec.protocol import check, protocol
-from plumb.systems.contracts import Plant
 
 STEP_TIMEOUT_S = 0.1
 """Without a STEP for this long, the actuators count as neutral."""

@@ -24,8 +24,9 @@ from plumb.campaign import recorded
 from plumb.campaign.recorded import RecordedRequest
 from plumb.campaign.study import Study
 from plumb.campaign.violated import Violated, judged, violated_by
+from plumb.contract import disturbance, run_reference
+from plumb.contract.parameters import ControlParams
 from plumb.errors import PlumbError, UsageError
-from plumb.physics import disturbance
 from plumb.physics.sensors import Push
 from plumb.proof import runs, scenario_run
 from plumb.proof.invariants import Violation
@@ -34,9 +35,7 @@ from plumb.proof.runs import PLOTS, Run, RunInputs
 from plumb.proof.scenario_run import Drawn, RunRequest
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
-from plumb.systems import run_reference
 from plumb.systems.compiled_plants import COMPILED
-from plumb.tuning.quantise import ControlParams
 from plumb.version import installed
 
 SAMPLES = 400_000

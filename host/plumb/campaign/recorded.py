@@ -16,6 +16,7 @@ from plumb import systems
 from plumb.analyses.comparison.contenders import COMPARE
 from plumb.analyses.comparison.grades import GRADES
 from plumb.analyses.comparison.samples import DECIMATIONS, motion_of
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.near_names import did_you_mean
 from plumb.proof.runs import RunInputs
@@ -23,7 +24,6 @@ from plumb.readers import recording
 from plumb.readers.recording import Recording
 from plumb.readers.replay import REPLAY, ReplayRequest
 from plumb.spec.tuning import AnyTuning
-from plumb.tuning.quantise import ControlParams
 
 DATA = "PLUMB_DATA"
 """Environment variable: the folder of recordings, where a study names none."""

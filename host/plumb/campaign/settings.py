@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from plumb import systems
+from plumb.contract.scenario import tuning_for
 from plumb.errors import UsageError
 from plumb.proof import scenario_run
 from plumb.spec.tuning import AnyTuning
-from plumb.systems.contracts import tuning_for
 
 
 def tuning_with(

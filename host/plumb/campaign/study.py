@@ -35,13 +35,13 @@ from plumb.campaign import recorded
 from plumb.campaign.factors import DRAWS, GRID, Factor, Value, factor_of, is_number, points_of, values_of
 from plumb.campaign.recorded import RecordedRequest
 from plumb.campaign.settings import tuning_with
+from plumb.contract.scenario import tuning_for
 from plumb.errors import UsageError
 from plumb.files.input_files import check_regular
 from plumb.link.endpoint_names import parse_board
 from plumb.near_names import did_you_mean
 from plumb.proof import invariants, scenario_run
 from plumb.proof.scenario_run import RunRequest
-from plumb.systems.contracts import tuning_for
 
 RUNS, RUNS_MOST = 400, 10_000_000
 SEED_MOST = 10**18

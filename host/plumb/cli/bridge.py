@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from plumb.bridge.bus_tap import BusTap
     from plumb.bridge.frame_counts import Flow
     from plumb.bridge.latency import LatencyHistogram, Percentiles
-    from plumb.tuning.quantise import ControlParams
+    from plumb.contract.parameters import ControlParams
 
 
 Side = Literal["sensor", "board", "first", "second"]
@@ -228,8 +228,8 @@ def carried(arguments: argparse.Namespace, ending: Ending, tap: BusTap | None) -
 def bridged(arguments: argparse.Namespace, ending: Ending, tap: BusTap | None) -> Summary:
     from plumb import systems
     from plumb.bridge.bridge import Bridge
+    from plumb.contract.parameters import quantise
     from plumb.errors import UsageError
-    from plumb.tuning import quantise
 
     def params_of(name: str) -> tuple[ControlParams, dict[str, int]]:
         system = systems.load(name)
@@ -237,7 +237,7 @@ def bridged(arguments: argparse.Namespace, ending: Ending, tap: BusTap | None) -
         if tuning not in system.TUNINGS:
             raise UsageError(f"{name} has no tuning '{tuning}'; it has {', '.join(system.TUNINGS)}")
         settings = system.TUNINGS[tuning]
-        return quantise.quantise(settings), {"period_us": settings.period_us, **system.LINK}
+        return quantise(settings), {"period_us": settings.period_us, **system.LINK}
 
     params, link = params_of(arguments.system) if arguments.system else (None, {})
     bridge = Bridge(

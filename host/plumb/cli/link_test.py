@@ -47,11 +47,11 @@ def tried(session: Session, steps: int, seed: int) -> dict[str, Any]:
     """Run the test; returns latencies, rates and losses. Raises LinkError if the link breaks."""
     import numpy as np
 
+    from plumb.contract import run_fixed
+    from plumb.contract.parameters import ControlParams
     from plumb.link.lockstep import Lockstep
     from plumb.proof.compare import count_mismatches
     from plumb.spec.parameters import control_part
-    from plumb.systems import run_fixed
-    from plumb.tuning.quantise import ControlParams
 
     control = ControlParams.from_words(control_part(session.read_parameters()))
     rng = np.random.default_rng(seed)

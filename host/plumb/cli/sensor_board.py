@@ -47,6 +47,7 @@ def main(arguments: argparse.Namespace) -> int:
 
     from plumb import systems
     from plumb.bridge.sensor_board import SensorBoard
+    from plumb.contract.scenario import Plant
     from plumb.errors import UsageError
     from plumb.link.endpoint_names import CanName, parse_bus
     from plumb.link.sample_codec import layout_of
@@ -55,7 +56,6 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.process_signals import endings
     from plumb.spec import crsf, declarations
     from plumb.spec.system import RECEIVER
-    from plumb.systems.contracts import Plant
 
     options.check_duration(arguments.seconds)
     system = systems.load(arguments.system)

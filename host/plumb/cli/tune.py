@@ -56,9 +56,9 @@ if TYPE_CHECKING:
     from plumb.analyses.identification.loop_test import LoopRun
     from plumb.analyses.identification.pid_design import Wanted
     from plumb.boards.contract import Board
+    from plumb.contract.parameters import ControlParams
     from plumb.proof.report import Plot, Table
     from plumb.proof.xy_plot import XyPlot
-    from plumb.tuning.quantise import ControlParams
 
 FILES = ("report.html", "tune.json")
 """What --out writes."""
@@ -229,8 +229,8 @@ def tune_pid(arguments: argparse.Namespace) -> bool:
     from dataclasses import replace
 
     from plumb.analyses.identification import pid_page, pid_tuning
+    from plumb.contract.parameters import quantise
     from plumb.errors import UsageError
-    from plumb.tuning.quantise import quantise
 
     wanted = wanted_of(arguments)
     if arguments.recording is not None:
@@ -335,9 +335,9 @@ def simulated_test(arguments: argparse.Namespace, board: Board, params: ControlP
     from plumb import systems
     from plumb.analyses.identification import chosen_settings, loop_test, plant_fit, tested_loop
     from plumb.boards.link import LinkBoard
+    from plumb.contract.parameters import quantise
+    from plumb.contract.scenario import tuning_for
     from plumb.errors import UsageError
-    from plumb.systems.contracts import tuning_for
-    from plumb.tuning.quantise import quantise
 
     if arguments.live and arguments.board != "virtual":
         raise UsageError("--live is for --board virtual: its plant is on the pins of the simulated chip")

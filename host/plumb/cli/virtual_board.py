@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     from plumb.boards.flash_file import KeptSlots
     from plumb.boards.hand_orders import HandOrders
     from plumb.boards.serve import Join, Served
+    from plumb.contract.scenario import Plant
     from plumb.f103.machine import Machine
     from plumb.f103.waveforms import VcdTrace
-    from plumb.systems.contracts import Plant
 
     Hear = Callable[[bytes], object]
 

@@ -18,6 +18,7 @@ from plumb.cockpit.recording import Recording
 from plumb.cockpit.samples import Samples
 from plumb.cockpit.setpoint import StepTest, setpoint_of
 from plumb.cockpit.speed import BoardSpeed, Pace
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.link import monitor
 from plumb.link.identity import NackError
@@ -27,7 +28,6 @@ from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
 from plumb.spec.parameters import control_part, table
 from plumb.spec.protocol import Frame
-from plumb.tuning.quantise import ControlParams
 
 TURN_S = 0.01
 """Longest wait for a frame in one turn of the loop."""

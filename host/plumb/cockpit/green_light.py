@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from plumb.contract.parameters import ControlParams
 from plumb.link.realtime import Capture
 from plumb.proof.shadow import Shadow
-from plumb.tuning.quantise import ControlParams
 
 Colour = Literal["green", "red", "amber", "off"]
 FRESH_S = 0.5

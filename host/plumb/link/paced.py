@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.parameters import Changes, ControlParams
 from plumb.errors import LinkError
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
@@ -23,7 +24,6 @@ from plumb.link.selection import raw_frames_of
 from plumb.link.session import Session
 from plumb.spec import declarations, parameters
 from plumb.spec.protocol import Frame
-from plumb.tuning.quantise import Changes, ControlParams
 
 SAMPLES_AHEAD = 2
 """Samples that wait on the board: more of them would delay a commit that follows them on the wire."""

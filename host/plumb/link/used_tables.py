@@ -15,11 +15,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.link.seen_words import SeenWords, unsigned, whole
 from plumb.spec import parameters
 from plumb.spec.protocol import Protocol
-from plumb.tuning.quantise import ControlParams
 
 ALL_PARAMETERS = 0xFFFF
 """Index of PARAM_GET that asks for the whole table."""

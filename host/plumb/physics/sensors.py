@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.disturbance import Request
 from plumb.errors import UsageError
-from plumb.physics.disturbance import Request
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
 

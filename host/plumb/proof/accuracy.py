@@ -20,13 +20,13 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards import native_core
 from plumb.boards.native import NativeBoard
+from plumb.contract import run_reference
+from plumb.contract.parameters import ControlParams, groups_of, quantise
+from plumb.contract.scenario import fitted
 from plumb.kernels.reference import kernels as reference_kernels
 from plumb.proof import runs
 from plumb.spec.tuning import AnyTuning
-from plumb.systems import run_reference
-from plumb.systems.contracts import fitted
 from plumb.tuning.groups import filter_of
-from plumb.tuning.quantise import ControlParams, groups_of, quantise
 from plumb.tuning.variances import lsb_of
 
 TURN_DEG = 360.0 / 2**32

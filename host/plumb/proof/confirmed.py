@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from plumb import systems
 from plumb.boards.contract import Board
 from plumb.boards.native import NativeBoard
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import fitted, tuning_for
 from plumb.proof import runs
 from plumb.proof.compare import count_mismatches
-from plumb.systems.contracts import fitted, tuning_for
-from plumb.tuning import quantise
 
 SEED = 1000
 
@@ -50,7 +50,7 @@ def confirm(board: Board, name: str, seed: int = SEED, seconds: float | None = N
         length = system.SECONDS[scenario] if seconds is None else min(seconds, system.SECONDS[scenario])
         settings = system.TUNINGS[tuning]
         run = system.scenario(scenario, seed, seconds=length, period_us=settings.period_us)
-        params = quantise.quantise(fitted(run, settings))
+        params = quantise(fitted(run, settings))
         if closed:
             digests, expected = (runs.closed_loop(one, run, params).answer.digests for one in (board, native))
         else:

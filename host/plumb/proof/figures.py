@@ -1,7 +1,7 @@
 """The table of figures: targets of the systems, and the values that the integers reach on their scenarios.
 
 Every figure is over seeds 1000-1039; tunings were fitted on seeds 0-19. The float64 column is
-`plumb.systems.run_reference` with the same tuning and counts. FigureSections is the contract of a system's figures.py,
+`plumb.contract.run_reference` with the same tuning and counts. FigureSections is the contract of a system's figures.py,
 which is optional.
 """
 

@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from plumb.contract.parameters import Change, Changes, ControlParams
 from plumb.errors import UsageError
 from plumb.link import parameter_table
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
 from plumb.tuning import quantities
-from plumb.tuning.quantise import Change, Changes, ControlParams
 from plumb.tuning.quantities import Value
 
 

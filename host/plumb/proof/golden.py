@@ -21,6 +21,7 @@ from plumb.boards import native_core
 from plumb.boards.contract import Board
 from plumb.boards.tasks import RunsTasks
 from plumb.checkout import CHECKOUT, PACKAGE
+from plumb.contract import run_fixed
 from plumb.errors import UsageError
 from plumb.link.endpoint_names import BoardName, LocalBoard, ProgramName
 from plumb.proof import golden_manifest, golden_recipe
@@ -28,7 +29,7 @@ from plumb.proof.compare import Divergence, count_mismatches
 from plumb.proof.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, read_bounded
 from plumb.proof.golden_result import Result, VectorResult, bit_exact, verdict_of, worst_of
 from plumb.proof.golden_trace import trace
-from plumb.systems import run_fixed, run_tasks
+from plumb.systems import run_tasks
 
 __all__ = [
     "FORMAT", "SUFFIX", "Case", "Divergence", "Result", "Vector", "VectorResult", "bit_exact", "build", "cases",

@@ -32,6 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.proof.golden_json import integer, integers, json_object
 from plumb.proof.golden_recipe import MAX_STEPS, is_name
@@ -40,7 +41,6 @@ from plumb.spec import declarations, parameters
 from plumb.spec.records import RECORDS
 from plumb.spec.system import COMMAND_WORDS_MAX, COUNTS_MAX
 from plumb.systems.tasks import Task
-from plumb.tuning.quantise import ControlParams
 
 FORMAT = "plumb golden 3"
 TASK_FORMAT = "plumb golden 4"

@@ -17,11 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
 from plumb.proof.golden_random import Draw
 from plumb.spec import declarations, parameters
 from plumb.spec.parameters import Parameter
-from plumb.systems import run_fixed
-from plumb.tuning.quantise import ControlParams
 
 LIMIT = 7 << 28
 """Limit of a calibrated value."""

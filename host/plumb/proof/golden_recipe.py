@@ -33,6 +33,9 @@ import numpy.typing as npt
 
 from plumb import systems
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract.parameters import ControlParams, quantise
+from plumb.contract.run_fixed import check_inputs
+from plumb.contract.scenario import Scenario, fitted
 from plumb.errors import UsageError
 from plumb.files import toml_text
 from plumb.files.input_files import read_text
@@ -43,10 +46,7 @@ from plumb.proof.golden_tasks import task_of
 from plumb.spec import declarations
 from plumb.spec.system import COUNTS_LEAST, System
 from plumb.spec.tuning import AnyTuning
-from plumb.systems.contracts import Scenario, fitted
-from plumb.systems.run_fixed import check_inputs
 from plumb.systems.tasks import KINDS, Task
-from plumb.tuning.quantise import ControlParams, quantise
 
 T = TypeVar("T")
 

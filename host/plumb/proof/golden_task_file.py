@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract.parameters import Change, ControlParams
 from plumb.proof.golden_json import integer, integers
 from plumb.proof.golden_tasks import own_rows, type_range
 from plumb.systems.tasks import KINDS, Task
-from plumb.tuning.quantise import Change, ControlParams
 
 
 def task_fields(task: Task) -> dict[str, object]:

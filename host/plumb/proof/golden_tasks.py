@@ -15,13 +15,13 @@ from functools import lru_cache
 import numpy as np
 
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract import run_fixed
+from plumb.contract.parameters import Change, ControlParams
 from plumb.proof.golden_random import Draw
 from plumb.proof.golden_reach import value_of
 from plumb.spec import declarations, parameters
 from plumb.spec.parameters import Parameter
-from plumb.systems import run_fixed
 from plumb.systems.tasks import Task
-from plumb.tuning.quantise import Change, ControlParams
 from plumb.tuning.variances import variance_turn2_q56
 
 CHANGES = 8

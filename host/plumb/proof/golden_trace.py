@@ -14,11 +14,12 @@ import numpy as np
 from plumb.boards import native_core
 from plumb.boards.contract import Answer, Board
 from plumb.boards.tasks import RunsTasks
+from plumb.contract import run_fixed
 from plumb.proof.compare import Divergence, divergence_at, first_digest_divergence, first_divergence
 from plumb.proof.golden_file import Vector
 from plumb.proof.golden_recipe import Entry
 from plumb.spec.records import Words
-from plumb.systems import run_fixed, run_tasks
+from plumb.systems import run_tasks
 
 
 def trace(board: Board, entry: Entry, vector: Vector, answer: Answer) -> Divergence | None:

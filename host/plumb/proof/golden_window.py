@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from plumb.boards.contract import Board, GivesWordsOfSteps
+from plumb.contract import run_fixed
 from plumb.proof.golden_file import Vector
 from plumb.proof.golden_result import VectorResult
 from plumb.spec import declarations
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 
 AROUND_STEPS = 50
 """Steps shown before and after the step that differs first."""

@@ -12,11 +12,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from plumb import systems
+from plumb.contract.scenario import Scenario
 from plumb.errors import UsageError
 from plumb.proof.report import Statement
 from plumb.proof.runs import Run
 from plumb.spec.system_parts import Part
-from plumb.systems.contracts import Scenario
 
 SCENARIO = "random"
 """The scenario whose runs are judged."""

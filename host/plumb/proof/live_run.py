@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from plumb import systems
 from plumb.boards.contract import Answer, RawCounts, SimulatedBoard
 from plumb.boards.plant_on_pins import FOUND_US, PilotOnLine, configure_as, sampling_began_s
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
+from plumb.contract.scenario import Scenario, calibrated_words, link_words
 from plumb.errors import LinkError
 from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
@@ -19,9 +22,7 @@ from plumb.proof.gain_changes import GainChange, GainChanges, changes_of
 from plumb.proof.runs import Run, RunInputs, columns, judge
 from plumb.spec import crsf, declarations
 from plumb.spec.system import RECEIVER
-from plumb.systems import run_fixed
-from plumb.systems.contracts import PINS, Conversion, Scenario, calibrated_words, link_words
-from plumb.tuning.quantise import ControlParams
+from plumb.systems.contracts import PINS, Conversion
 
 STANDSTILL_US = 500_000
 """Without a step for this long the run ends with an error: a sensor or the link has failed."""

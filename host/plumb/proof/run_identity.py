@@ -21,12 +21,12 @@ from plumb.boards.link import LinkBoard
 from plumb.boards.native import NativeBoard
 from plumb.boards.qemu import QemuBoard
 from plumb.boards.virtual import VirtualBoard
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.proof.report import Table
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
 from plumb.spec.units import meaning
-from plumb.tuning.quantise import ControlParams
 from plumb.version import installed
 
 DATE_VARIABLE = "SOURCE_DATE_EPOCH"

@@ -14,6 +14,9 @@ import numpy as np
 
 from plumb import systems
 from plumb.boards.contract import Answer, Board, ChangesParameters, KeepsTime, RawCounts, Setpoints
+from plumb.contract import run_fixed, run_reference
+from plumb.contract.parameters import Changes, ControlParams
+from plumb.contract.scenario import Scenario
 from plumb.proof import limits
 from plumb.proof.compare import Divergence, count_mismatches, first_divergence
 from plumb.proof.measures import Measured, main_of
@@ -23,9 +26,6 @@ from plumb.spec import declarations
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.records import Words
 from plumb.spec.system_parts import Part
-from plumb.systems import run_fixed, run_reference
-from plumb.systems.contracts import Scenario
-from plumb.tuning.quantise import Changes, ControlParams
 
 
 @dataclass(frozen=True)

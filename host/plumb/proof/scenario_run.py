@@ -13,15 +13,16 @@ from plumb import systems
 from plumb.boards import open_board
 from plumb.boards.contract import Board, SimulatedBoard
 from plumb.boards.qemu import QemuBoard
+from plumb.contract import disturbance
+from plumb.contract.parameters import ControlParams, quantise
+from plumb.contract.scenario import Scenario, fitted, tuning_for
 from plumb.errors import UsageError
-from plumb.physics import disturbance
 from plumb.proof import invariants, limits, runs
 from plumb.proof.invariants import Violation
 from plumb.proof.report import Statement
 from plumb.proof.runs import Run
 from plumb.spec.tuning import AnyTuning
-from plumb.systems.contracts import PINS, Scenario, fitted, tuning_for
-from plumb.tuning.quantise import ControlParams, quantise
+from plumb.systems.contracts import PINS
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from array import array
 
 import numpy as np
 
+from plumb.contract import run_fixed
+from plumb.contract.parameters import Change, ControlParams
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.proof.compare import Divergence, divergence_at
-from plumb.systems import run_fixed
-from plumb.tuning.quantise import Change, ControlParams
 
 
 class Shadow:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from plumb import systems
 from plumb.boards.contract import Board
+from plumb.contract.parameters import Changes
 from plumb.errors import UnverifiedError, UsageError
 from plumb.link import foreign_frames
 from plumb.link.selection import raw_frames_of
@@ -31,7 +32,6 @@ from plumb.readers.log_file import SUFFIX, Log, ParameterSet, read_log
 from plumb.readers.logged_parameters import ParametersInUse, UsedParameters, changes_of_run, heard_sets
 from plumb.readers.logged_runs import LoggedRun, Steps, runs_in
 from plumb.readers.recorded_digests import Compared, LongReplay, replay_long
-from plumb.tuning.quantise import Changes
 
 SUFFIXES = (SUFFIX, *foreign_frames.READ)
 """Files that carry what a board said, and can be reproduced."""

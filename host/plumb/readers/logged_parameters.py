@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from plumb.contract.parameters import Change, Changes, ControlParams, groups_of
 from plumb.errors import UsageError
 from plumb.link.used_tables import TableChange, UsedTables
 from plumb.readers.log_file import Frames, ParameterSet
@@ -15,7 +16,6 @@ from plumb.readers.logged_runs import LoggedRun
 from plumb.spec import declarations, parameters
 from plumb.spec.protocol import Protocol, check
 from plumb.spec.system import group_of
-from plumb.tuning.quantise import Change, Changes, ControlParams, groups_of
 from plumb.tuning.variances import from_turn2_q56
 
 MOST_CHANGES = 10_000

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards.contract import Board, ChangesParameters, PartRunner, RunsInParts
+from plumb.contract import run_fixed
+from plumb.contract.parameters import Change, Changes, ControlParams
 from plumb.proof.compare import Divergence
 from plumb.readers.logged_runs import LoggedRun, Steps
 from plumb.spec import dbc, declarations
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
-from plumb.tuning.quantise import Change, Changes, ControlParams
 
 Digests = npt.NDArray[np.uint32]
 BAR_STEPS = 1 << 18

@@ -33,13 +33,13 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof.runs import RunInputs
 from plumb.readers import recording_files
 from plumb.readers.recording_files import G_MPS2 as G_MPS2
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.tuning import AxisTuning, Calibration, Channel
-from plumb.tuning.quantise import ControlParams, quantise
 
 Axis = Literal["x", "y", "z"]
 

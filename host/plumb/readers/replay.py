@@ -12,6 +12,7 @@ from typing import Protocol
 
 from plumb import systems
 from plumb.boards.contract import Board
+from plumb.contract.parameters import ControlParams
 from plumb.proof import runs
 from plumb.proof.report import Statement
 from plumb.proof.runs import RunInputs
@@ -20,7 +21,6 @@ from plumb.readers import recording
 from plumb.readers.recording import Recording
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning
-from plumb.tuning.quantise import ControlParams
 
 
 @dataclass(frozen=True)

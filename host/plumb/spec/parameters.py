@@ -2,7 +2,7 @@
 
 `parameters.toml` declares the parameters that systems share and those of the link; each system declares its own
 (`plumb.spec.declarations`). The firmware's table is generated from them, and the host checks values against them.
-`plumb.tuning.quantise` computes the integers of a tuning in engineering units.
+`plumb.contract.parameters` computes the integers of a tuning in engineering units.
 """
 
 from __future__ import annotations

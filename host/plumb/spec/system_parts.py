@@ -2,8 +2,8 @@
 
 A system has two folders: `systems/NAME` with what its step needs, `judging/NAME` with what judges it.
 
-A contract is a Protocol, declared beside the code that uses the module: `plumb.systems.contracts` for scenarios, pins
-and steps, one each in `plumb.tuning.quantise`, `plumb.proof` and `plumb.cli`. A system is chosen by name at run time,
+A contract is a Protocol. Those of what every system has are in `plumb.contract`, the others beside the code that uses
+the module: `plumb.systems.contracts`, `plumb.proof`, `plumb.cli`. A system is chosen by name at run time,
 when no type checker sees its modules; therefore `load` checks them and names everything that is missing.
 """
 

@@ -3,8 +3,8 @@
 Frozen dataclasses of floats, in the order of the data flow; names carry the units: deg, deg/s (dps), g, s, us. Every
 field says its unit and its meaning with `quantity`, from which `plumb params` and `board.params` take them. This module
 has the settings of the kernels that systems share; a system's own tuning is in `plumb.systems.NAME.tuning`.
-`plumb.tuning.quantise` converts a tuning to the integers of the firmware and back; `plumb.systems.run_reference` uses a
-tuning directly.
+`plumb.contract.parameters` converts a tuning to the integers of the firmware and back; `plumb.contract.run_reference`
+uses a tuning directly.
 """
 
 from __future__ import annotations

@@ -4,11 +4,11 @@ A system X is the folder systems/X, its step in C (firmware/systems/X.c, firmwar
 (plumb.judging). The contract of a module is a Protocol, given below in parentheses; `load` checks the module.
 
     system.toml   its declaration: record, parameters, raw channels, frames (plumb.spec.declarations)
-    fixed.py      the step in integers, for bit-exact comparison with the C (contracts.FixedStep)
-    reference.py  the published equations in float64 (contracts.ReferenceModel)
+    fixed.py      the step in integers, for bit-exact comparison with the C (plumb.contract.step.FixedStep)
+    reference.py  the published equations in float64 (plumb.contract.step.ReferenceModel)
     tuning.py     the tuning of a run in engineering units; settings of kernels are in plumb.spec.tuning
-    quantise.py   engineering units to parameters, and back (plumb.tuning.quantise.Quantiser)
-    scenarios.py  scenarios, tunings and the plant (contracts.System)
+    quantise.py   engineering units to parameters, and back (plumb.contract.parameters.Quantiser)
+    scenarios.py  scenarios, tunings and the plant (plumb.contract.scenario.System)
 
 optional:
 
@@ -34,7 +34,7 @@ from plumb.spec import declarations, system_parts
 from plumb.spec.system_parts import Part
 
 if TYPE_CHECKING:
-    from plumb.systems.contracts import System
+    from plumb.contract.scenario import System
 
 __path__ += [str(place) for place in declarations.search_path()]
 SYSTEMS = {name: declared.title for name, declared in declarations.systems().items()}
@@ -51,7 +51,7 @@ def load(name: str, part: Part[P] | None = None) -> System | P:
     part, and a module that does not fulfil its contract."""
     if part is not None:
         return system_parts.load(name, part)
-    from plumb.systems.contracts import SCENARIOS
+    from plumb.contract.scenario import SCENARIOS
 
     return system_parts.load(name, SCENARIOS)
 

@@ -13,9 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.parameters import ControlParams
 from plumb.spec.records import Words
 from plumb.spec.system_parts import Part
-from plumb.tuning.quantise import ControlParams
 
 Cells = npt.NDArray[np.floating[Any]] | npt.NDArray[np.int64] | npt.NDArray[np.str_]  # Any: numpy's own width
 PID_UNITS = 1000.0

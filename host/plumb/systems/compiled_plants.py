@@ -12,10 +12,10 @@ from typing import Protocol
 
 import numpy as np
 
+from plumb.contract.scenario import Scenario
 from plumb.physics.sensors import DIGITAL_FAULT_KINDS, Fault
 from plumb.spec.arrays import FloatArray
 from plumb.spec.system_parts import Part
-from plumb.systems.contracts import Scenario
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from plumb.contract import run_fixed
+from plumb.contract.step import FIXED
 from plumb.errors import UsageError
 from plumb.kernels.fixed import plausibility
 from plumb.spec import parameters
 from plumb.spec.records import PLAUSIBILITY, VALIDITY, Words
-from plumb.systems import load, run_fixed
-from plumb.systems.contracts import FIXED, BoundedSignals
+from plumb.systems import load
+from plumb.systems.contracts import BoundedSignals
 from plumb.systems.tasks import Task
 
 

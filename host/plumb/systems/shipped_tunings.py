@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from plumb import systems
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import calibrated_words, sensor_words
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
-from plumb.systems.contracts import calibrated_words, sensor_words
 from plumb.tuning import quantities
-from plumb.tuning.quantise import quantise
 
 
 @dataclass(frozen=True)

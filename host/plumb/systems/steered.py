@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from plumb import systems
+from plumb.contract.scenario import Plant
 from plumb.errors import UsageError
 from plumb.physics.imu import ImuGrade
 from plumb.spec.arrays import FloatArray
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning
-from plumb.systems.contracts import Plant
 
 Point = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from plumb.spec.records import PLAUSIBILITY, RECORDS, VALIDITY
 
 if TYPE_CHECKING:
-    from plumb.tuning.quantise import Changes, ControlParams
+    from plumb.contract.parameters import Changes, ControlParams
 
 KINDS = ("retune", "plausibility", "refusal")
 

@@ -10,11 +10,11 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.spec.system import Channel as RawChannel
 from plumb.spec.tuning import Channel
-from plumb.tuning.quantise import ControlParams
 
 TuningT = TypeVar("TuningT")
 NO_SAMPLE = -32768

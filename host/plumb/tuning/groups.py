@@ -13,6 +13,7 @@ from dataclasses import fields, is_dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, NoReturn, TypedDict, get_args
 
+from plumb.contract.parameters import ControlParams
 from plumb.errors import SettingError, UsageError
 from plumb.spec import parameters
 from plumb.spec.speed_controllers import ONE_WAY, foreign_parameter
@@ -29,7 +30,6 @@ from plumb.spec.tuning import (
     TiltMode,
     Trust,
 )
-from plumb.tuning.quantise import ControlParams
 from plumb.tuning.variances import lsb_of
 
 if TYPE_CHECKING:

@@ -13,11 +13,11 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from plumb.contract.parameters import NOTHING, ControlParams, dequantise, quantise
 from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.spec.parameters import Parameter
 from plumb.spec.tuning import CHOICE, NUMBER, AnyTuning, ForOnePeriod, Quantity
-from plumb.tuning.quantise import NOTHING, ControlParams, dequantise, quantise
 from plumb.tuning.variances import from_turn2_q56, lsb_of
 
 Value = float | int | str

@@ -5,8 +5,8 @@ The host chooses it for each set so that the words are as fine as they can be; t
 
 from __future__ import annotations
 
+from plumb.contract.parameters import NOTHING, Beside, ControlParams
 from plumb.spec import parameters
-from plumb.tuning.quantise import NOTHING, Beside, ControlParams
 
 LSB = "lsb_deg2"
 

@@ -13,16 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from plumb import systems
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.readers.log_replay import RecordedRun
 from plumb.readers.recorded_digests import BAR_STEPS, pieces_between
 from plumb.readers.run_parts import Steps
 from plumb.spec import declarations
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 from plumb.systems.blackbox import BLACKBOX, COLUMNS, Cells
 from plumb.tuning.channels import NO_SAMPLE, values_of
-from plumb.tuning.quantise import ControlParams
 
 ACC_COUNTS_PER_G = 2048.0
 SENSORS = {"gyr": ("gyroUnfilt", 1.0), "acc": ("accSmooth", ACC_COUNTS_PER_G)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plumb.systems.gantry.tuning import GantryTuning
 
-from plumb.tuning.quantise import ControlParams
+from plumb.contract.parameters import ControlParams
 
 
 def quantise(tuning: GantryTuning) -> ControlParams:

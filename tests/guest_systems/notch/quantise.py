@@ -6,7 +6,7 @@ import math
 
 from plumb.systems.notch.tuning import NotchTuning
 
-from plumb.tuning.quantise import ControlParams
+from plumb.contract.parameters import ControlParams
 
 
 def quantise(tuning: NotchTuning) -> ControlParams:

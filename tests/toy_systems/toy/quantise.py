@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plumb.systems.toy.tuning import ToyTuning
 
-from plumb.tuning.quantise import ControlParams
+from plumb.contract.parameters import ControlParams
 
 
 def quantise(tuning: ToyTuning) -> ControlParams:

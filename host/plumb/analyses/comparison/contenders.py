@@ -9,12 +9,12 @@ from typing import Protocol
 from plumb import systems
 from plumb.analyses.comparison.published import PUBLISHED, Published, imported
 from plumb.analyses.comparison.samples import Estimate, Samples, vertical_of
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.proof.runs import RunInputs
 from plumb.spec import declarations
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning
-from plumb.tuning.quantise import ControlParams
 from plumb.version import installed
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import TypeVar
 
+from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.spec.tuning import AnyTuning
 from plumb.systems import load
-from plumb.tuning.quantise import quantise
 
 T = TypeVar("T")
 BOARDS = "B: serial:PORT or can:BUS."

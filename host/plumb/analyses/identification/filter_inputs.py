@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from plumb.analyses.identification import chosen_settings, rest
 from plumb.analyses.identification.innovations import Measured, Variances
+from plumb.contract.parameters import dequantise
+from plumb.contract.run_reference import run_control
 from plumb.errors import UsageError
 from plumb.kernels.reference.kernels import driving_rate
 from plumb.readers import recording, replay
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.tuning import AxisTuning
-from plumb.systems.run_reference import run_control
-from plumb.tuning.quantise import dequantise
 
 LEAST_STEPS = 1000
 UNLIMITED_DEG2 = 1e12

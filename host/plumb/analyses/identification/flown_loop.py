@@ -16,12 +16,12 @@ from plumb.analyses.identification.loop_test import MOST_LIMITED
 from plumb.analyses.identification.plant_fit import HIGHEST_HZ, LINES, Excitation, Measurement
 from plumb.analyses.identification.tested_loop import Gains, TestedLoop, loop_of, signals_of
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.readers import log_replay
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
-from plumb.systems import run_fixed
-from plumb.tuning.quantise import ControlParams
 
 WINDOW_S = 4.0
 OVERLAP = 2

@@ -16,6 +16,8 @@ from plumb.analyses.identification.tested_loop import Gains, TestedLoop, loop_of
 from plumb.boards import plant_on_pins
 from plumb.boards.contract import Board, RawCounts, Setpoints, SimulatedBoard
 from plumb.boards.link import LinkBoard
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
 from plumb.errors import LinkError, UsageError
 from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.realtime import Capture
@@ -26,9 +28,7 @@ from plumb.proof.live_run import why_disarmed
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.signals import signals
-from plumb.systems import run_fixed
 from plumb.systems.contracts import PINS
-from plumb.tuning.quantise import ControlParams
 
 if TYPE_CHECKING:
     from tqdm import tqdm

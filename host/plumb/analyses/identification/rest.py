@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.readers import log_replay, recording
 from plumb.spec import declarations, parameters
 from plumb.spec.arrays import BoolArray, FloatArray
-from plumb.tuning.quantise import ControlParams
 
 BLOCK_S = 1.0
 LEAST_REST_S = 10.0

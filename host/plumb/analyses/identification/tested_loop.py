@@ -15,6 +15,8 @@ import numpy as np
 from plumb import systems
 from plumb.analyses.identification.pid_design import PidSearch, Search
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract.parameters import ControlParams, dequantise
+from plumb.contract.run_reference import run_control
 from plumb.errors import UsageError
 from plumb.spec import declarations
 from plumb.spec.arrays import BoolArray, FloatArray
@@ -22,12 +24,10 @@ from plumb.spec.records import Words
 from plumb.spec.signal_units import word_signals
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning, AxisTuning, Pid
-from plumb.systems.run_reference import run_control
 from plumb.tuning.loop_model import Controller, Loop, PlantModel
-from plumb.tuning.quantise import ControlParams, dequantise
 
 if TYPE_CHECKING:
-    from plumb.systems.contracts import Plant
+    from plumb.contract.scenario import Plant
 
 G = TypeVar("G")
 Gains: TypeAlias = Any  # Any: gains of any kind; the loop that made them takes them back

@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.system_parts import Part
-from plumb.tuning.quantise import ControlParams
 
 Steps = npt.NDArray[np.int_]
 

@@ -8,11 +8,12 @@ from typing import Protocol
 
 from plumb import systems
 from plumb.boards.link import LinkBoard
+from plumb.contract.parameters import ControlParams
+from plumb.contract.scenario import sensor_words
 from plumb.link.session import Session
 from plumb.spec import images
-from plumb.systems.contracts import PINS, sensor_words
+from plumb.systems.contracts import PINS
 from plumb.systems.steered import SteeredVehicle, steered
-from plumb.tuning.quantise import ControlParams
 
 Radio = Callable[[float], bytes]
 """Bytes of the radio receiver up to a time of the trip."""

@@ -22,12 +22,12 @@ from plumb.cockpit.steering.arming import in_the_way, why_disarmed
 from plumb.cockpit.steering.rivals import Rivals
 from plumb.cockpit.steering.steered_boards import NATIVE, SteeredBoard, steered_board
 from plumb.cockpit.steering.transmitter import Sticks, Transmitter
+from plumb.contract.parameters import quantise
 from plumb.errors import PlumbError, UsageError
 from plumb.link.selection import raw_frames_of
 from plumb.link.session import Session
 from plumb.spec import declarations
 from plumb.systems.steered import Event, Quaternion, Steered, SteeredVehicle, part_of, steered
-from plumb.tuning.quantise import quantise
 
 TURN_US = 5000
 MOST_SLEEP_S = 0.01

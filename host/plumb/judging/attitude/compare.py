@@ -8,11 +8,11 @@ import numpy as np
 
 from plumb.analyses.comparison.samples import Estimate, Samples
 from plumb.boards import native_core
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.runs import RunInputs
 from plumb.spec.tuning import AnyTuning
 from plumb.systems.attitude import scenarios
 from plumb.systems.attitude.tuning import AttitudeTuning
-from plumb.tuning.quantise import ControlParams, quantise
 
 TUNING_NAME = scenarios.DEFAULT_TUNING
 

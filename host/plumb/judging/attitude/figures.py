@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from plumb.boards import native_core
+from plumb.contract import run_reference
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.figures import Figure, Sense
 from plumb.proof.limits import Limits
 from plumb.proof.report import Plot
 from plumb.spec.arrays import FloatArray
-from plumb.systems import run_reference
 from plumb.systems.attitude import scenarios as attitude
-from plumb.tuning.quantise import ControlParams, quantise
 
 ERROR, APART = "error of the vertical", "integers against float64"
 HEADLINE = (ERROR, attitude.DEFAULT_SCENARIO, attitude.DEFAULT_TUNING)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.physics.airframe import Airframe
 from plumb.physics.imu import ImuGrade
 from plumb.spec import declarations
@@ -15,7 +16,6 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.attitude import scenarios
 from plumb.systems.attitude.tuning import Aid
-from plumb.tuning.quantise import quantise
 
 TUNING_NAME = "vehicle"
 FULL_Q15 = 32767

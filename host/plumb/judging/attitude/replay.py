@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof.runs import RunInputs
 from plumb.proof.scenario_run import OWN
@@ -14,7 +15,6 @@ from plumb.readers.replay import ReplayRequest
 from plumb.systems.attitude import scenarios
 from plumb.systems.attitude.quantise import PERIODS_US
 from plumb.systems.attitude.tuning import AttitudeTuning
-from plumb.tuning.quantise import ControlParams, quantise
 
 
 def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core, native_plant
+from plumb.contract.parameters import quantise
 from plumb.judging.balancer.plots import DUTY, TURN_DEG
 from plumb.kernels.reference import kernels as reference_kernels
 from plumb.proof import metrics
@@ -18,7 +19,6 @@ from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer.drawn_run import VELOCITY_UNIT, Scenario
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.tuning import BalancerTuning
-from plumb.tuning import quantise
 
 SETTLED_S = 5.0
 """A command counts as carried out, or not, so long after it."""
@@ -28,7 +28,7 @@ class Integers:
     """The C integers, from counts to tilt in deg and duty in -1..1."""
 
     def __init__(self, tuning: BalancerTuning) -> None:
-        self.controller = native_core.Controller(quantise.quantise(tuning))
+        self.controller = native_core.Controller(quantise(tuning))
 
     def step(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
         words = self.controller.step(raw, setpoint)
@@ -36,7 +36,7 @@ class Integers:
 
 
 class Float64:
-    """`plumb.systems.run_reference`, from counts to tilt in deg and duty in -1..1."""
+    """`plumb.contract.run_reference`, from counts to tilt in deg and duty in -1..1."""
 
     def __init__(self, tuning: BalancerTuning) -> None:
         self.tuning, self.wheel = tuning, reference_balancer.WheelState()
@@ -88,7 +88,7 @@ def balance(controller: Integers | Float64, name: str, seed: int, seconds: float
 def balanced(tuning: BalancerTuning, name: str, seed: int) -> Balanced:
     """The same with the integers and the plant in C, which gives the same counts."""
     scenario = balancer.scenario(name, seed)
-    found = native_plant.closed_loop(scenario, quantise.quantise(tuning))
+    found = native_plant.closed_loop(scenario, quantise(tuning))
     estimate_deg = np.asarray(found.words["tilt_turn_q32"] * TURN_DEG)
     return _judged(scenario, found.truth["tilt_deg"], estimate_deg, found.truth["velocity_mps"])
 

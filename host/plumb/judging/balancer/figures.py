@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 import numpy as np
 
 from plumb.boards import native_core
+from plumb.contract import run_reference
+from plumb.contract.parameters import quantise
 from plumb.judging.balancer import loops
 from plumb.judging.balancer.closed_loops import SETTLED_S, Balanced, Float64, balance, balanced
 from plumb.judging.balancer.paper_plots import PLOTS as PLOTS
@@ -23,11 +25,10 @@ from plumb.proof.figures import FLOAT_SEEDS, UNASKED, Figure, Sense, paired
 from plumb.proof.limits import Limit, Limits
 from plumb.proof.loop_figures import LeastMargins
 from plumb.spec.arrays import FloatArray
-from plumb.systems import run_reference, scoring
+from plumb.systems import scoring
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer import vehicle
 from plumb.systems.balancer.drawn_run import DPS_PER_G, GYRO
-from plumb.tuning import quantise
 
 HEADLINE = ("tilt error", "rough", "tuned")
 RAW_DPS = 1.7
@@ -141,7 +142,7 @@ def open_rows(seeds: Iterable[int], beside: Mapping[str, str] = BESIDE) -> Itera
 def _estimate(batch: Batch, tuning: str, claim: str, sense: Sense, reach_deg: float) -> tuple[Figure, Figure]:
     """Rows of a tuning's tilt error and corrected rate; sense: of the target."""
     settings = balancer.TUNINGS[tuning]
-    words = native_core.run_control(quantise.quantise(settings), batch.raw, batch.setpoint)
+    words = native_core.run_control(quantise(settings), batch.raw, batch.setpoint)
     ideal = run_reference.run_control(settings, batch.raw, batch.setpoint)
     tilt = batch.tilt_rms(np.asarray(words["tilt_turn_q32"] * TURN_DEG))
     rate = batch.rate_rms(np.asarray(words["rate_corrected_turnps_q28"] * RATE_DPS))
@@ -175,7 +176,7 @@ def blended_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """The complementary filter at its best, on the tilt that `tuned` measures, the axle's acceleration taken off."""
     for name, tau_s in BLENDED_TAU_S.items():
         batch = Batch.of(name, seeds)
-        words = native_core.run_control(quantise.quantise(balancer.TUNED), batch.raw, batch.setpoint)
+        words = native_core.run_control(quantise(balancer.TUNED), batch.raw, batch.setpoint)
         measured_deg = np.asarray(words["tilt_measured_turn_q32"] * TURN_DEG, np.float64)
         error = batch.tilt_rms(complementary_deg(batch, measured_deg, tau_s))
         reached = float(np.mean(error))
@@ -200,7 +201,7 @@ def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     ).over(before)  # fmt: skip
     for tuning in ("tuned", "paper_rule"):
         settings = balancer.TUNINGS[tuning]
-        words = native_core.run_control(quantise.quantise(settings), batch.raw, batch.setpoint)
+        words = native_core.run_control(quantise(settings), batch.raw, batch.setpoint)
         after = peaks(np.asarray(words["tilt_turn_q32"] * TURN_DEG))
         ideal = peaks(run_reference.run_control(settings, batch.raw, batch.setpoint)["tilt_deg"])
         yield Figure(

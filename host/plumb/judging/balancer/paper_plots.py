@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.judging.balancer.plots import DUTY, RATE_DPS, TURN_DEG
 from plumb.judging.balancer.rides import Batch
 from plumb.proof import metrics
@@ -15,7 +16,6 @@ from plumb.proof.runs import closed_loop
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer import vehicle
 from plumb.systems.balancer.drawn_run import VELOCITY_UNIT
-from plumb.tuning import quantise
 
 PLOTTED_SEED, ROCKED_SEED = 1000, 1010
 """Seed 1010 begins with a bias of 2.5 deg/s, so that the correction is visible."""
@@ -24,7 +24,7 @@ PLOTTED_SEED, ROCKED_SEED = 1000, 1010
 def figures_5_and_6(tuning: str = "paper_rule") -> list[Plot]:
     """The paper's figures: tilt before and after the filter, raw and corrected rate, the vehicle rocked by hand."""
     run = balancer.scenario("rocked", ROCKED_SEED)
-    words = native_core.run_control(quantise.quantise(balancer.TUNINGS[tuning]), run.counts(), run.setpoint())
+    words = native_core.run_control(quantise(balancer.TUNINGS[tuning]), run.counts(), run.setpoint())
     truth, time_s = run.truth(), run.time_s
     measured, fused = words["tilt_measured_turn_q32"] * TURN_DEG, words["tilt_turn_q32"] * TURN_DEG
     raw, corrected = words["rate_turnps_q28"] * RATE_DPS, words["rate_corrected_turnps_q28"] * RATE_DPS
@@ -83,7 +83,7 @@ def taken_off() -> list[Plot]:
         ("arctan", "nothing taken off", SECOND),
         ("tuned", "the axle's acceleration taken off", ESTIMATE),
     ):
-        words = native_core.run_control(quantise.quantise(balancer.TUNINGS[tuning]), batch.raw, batch.setpoint)
+        words = native_core.run_control(quantise(balancer.TUNINGS[tuning]), batch.raw, batch.setpoint)
         before, after = (
             metrics.wrap_deg(words[word] * TURN_DEG - batch.tilt_deg)[:, 0]
             for word in ("tilt_measured_turn_q32", "tilt_turn_q32")
@@ -101,7 +101,7 @@ def closed_plots() -> list[Plot]:
     from plumb.boards.native import NativeBoard
 
     run = balancer.scenario("rough", PLOTTED_SEED)
-    trial = closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED))
+    trial = closed_loop(NativeBoard(), run, quantise(balancer.TUNED))
     shown = (run.time_s >= 10.0) & (run.time_s < 50.0)
     time_s, words, truth = run.time_s[shown], trial.words, trial.inputs.truth
     at = np.rint(time_s / vehicle.GRID_S).astype(np.int64)

@@ -8,11 +8,11 @@ import numpy as np
 
 from plumb.analyses.comparison.samples import Estimate, Samples
 from plumb.boards import native_core
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.runs import RunInputs
 from plumb.spec.tuning import AnyTuning
 from plumb.systems.phone import scenarios as phone
 from plumb.systems.phone.tuning import PhoneTuning
-from plumb.tuning.quantise import ControlParams, quantise
 
 TUNING_NAME = phone.DEFAULT_TUNING
 TURN_DEG = 360.0 / 2.0**32

@@ -15,17 +15,17 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core
+from plumb.contract import run_reference
+from plumb.contract.parameters import quantise
 from plumb.kernels.reference.blending import complementary_step, weighted_average
 from plumb.proof import metrics
 from plumb.proof.figures import Figure, Sense
 from plumb.proof.limits import Limits
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.spec.arrays import FloatArray
-from plumb.systems import run_reference
 from plumb.systems.phone import scenarios as phone
 from plumb.systems.phone.reference import rates_of
 from plumb.systems.phone.tuning import PhoneTuning
-from plumb.tuning import quantise
 
 Angles = tuple[FloatArray, FloatArray]
 """Pitch and roll, deg, (steps, runs) each."""
@@ -105,7 +105,7 @@ class Batch:
 
     def integers(self, tuning: PhoneTuning) -> Angles:
         """The C integers, run by run: a record of every word of all runs would be too large."""
-        params, zeros = quantise.quantise(tuning), np.zeros(len(self.raw), np.int32)
+        params, zeros = quantise(tuning), np.zeros(len(self.raw), np.int32)
         pitch, roll = np.empty((2, len(self.raw), len(self.runs)))
         for run in range(len(self.runs)):
             words = native_core.run_control(params, self.raw[:, :, run], zeros)

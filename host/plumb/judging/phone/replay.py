@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.judging.phone.inputs import live_run, udp
 from plumb.proof.runs import RunInputs
 from plumb.proof.scenario_run import OWN
@@ -11,7 +12,6 @@ from plumb.readers import recording
 from plumb.readers.replay import ReplayRequest
 from plumb.systems.phone import scenarios as phone
 from plumb.systems.phone.tuning import PhoneTuning
-from plumb.tuning.quantise import ControlParams, quantise
 
 
 def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from plumb.contract import run_fixed
+from plumb.contract.parameters import quantise
 from plumb.judging.quad import plots
 from plumb.proof.runs import Run
-from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
-from plumb.tuning.quantise import quantise
 
 SCENARIO, TUNING = "hold", "hold"
 

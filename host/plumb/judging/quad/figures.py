@@ -1,7 +1,7 @@
 """Targets of `quad` and the figures that the integers reach (see plumb.proof.figures).
 
 Figures are over seeds 1000-1039; tunings were fitted on seeds 0-19. Rows of estimators use prescribed motion; `hold` is
-a closed loop on the estimate. The float64 column is `plumb.systems.run_reference` with the same tuning and counts.
+a closed loop on the estimate. The float64 column is `plumb.contract.run_reference` with the same tuning and counts.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core, native_plant
+from plumb.contract import run_reference
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.judging.quad import loops
 from plumb.judging.quad import plots as quad_plots
 from plumb.kernels.reference import kernels as reference_kernels
@@ -26,7 +28,7 @@ from plumb.proof.loop_figures import LeastMargins
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import Run, open_loop, prescribed
 from plumb.spec.arrays import FloatArray
-from plumb.systems import run_reference, scoring
+from plumb.systems import scoring
 from plumb.systems.quad import lateral
 from plumb.systems.quad import plant as quad_plant
 from plumb.systems.quad import reference as reference_quad
@@ -34,8 +36,6 @@ from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.drawn_run import Scenario
 from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
-from plumb.tuning import quantise
-from plumb.tuning.quantise import ControlParams
 from plumb.tuning.variances import lsb_of
 
 HEADLINE = ("tilt error", "motion", "trapezium")
@@ -125,14 +125,14 @@ class Batch:
 
 
 def float64(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
-    """The estimator of `plumb.systems.run_reference` over many runs, from counts."""
+    """The estimator of `plumb.contract.run_reference` over many runs, from counts."""
     words = run_reference.run_control(tuning, raw)
     return Estimate(words["tilt_deg"], words["bias_dps"])
 
 
 def integers(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
     """The C integers over many runs, from the same counts."""
-    params = quantise.quantise(tuning)
+    params = quantise(tuning)
     words = native_core.run_control(params, raw, np.zeros((raw.shape[0], raw.shape[2]), np.int32))
     tilt_turn, bias_turnps = words["tilt_turn_q32"] / 2.0**32, words["bias_turnps_q28"] / 2.0**28
     return Estimate(np.asarray(360.0 * tilt_turn, np.float64), np.asarray(360.0 * bias_turnps, np.float64))
@@ -198,7 +198,7 @@ def estimator_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 def _consistency(batch: Batch, tuning: str, sense: Sense) -> Iterator[Figure]:
     """Mean and spread of a run's error apart, and the spread beside the sigma that the filter states."""
     settings = quad.TUNINGS[tuning]
-    params, window = quantise.quantise(settings), scoring.scored(batch.time_s)
+    params, window = quantise(settings), scoring.scored(batch.time_s)
     words = native_core.run_control(params, batch.raw, np.zeros((batch.raw.shape[0], batch.raw.shape[2]), np.int32))
     tilt_deg = np.asarray(words["tilt_turn_q32"] * quad_plots.TURN_DEG, np.float64)
     runs = [
@@ -268,7 +268,7 @@ def _converged(batch: Batch, estimate: Estimate) -> list[metrics.Convergence]:
 
 
 class Float64:
-    """`plumb.systems.run_reference`, from counts to pulses in us."""
+    """`plumb.contract.run_reference`, from counts to pulses in us."""
 
     def __init__(self, tuning: QuadTuning) -> None:
         self.tuning, self.state = tuning, reference_quad.ControlState(reference_kernels.kalman_init(tuning.start))
@@ -289,7 +289,7 @@ class Float64:
 def hold_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """`hold`: closed loop on the estimate, with the integers (and once with float64), scored on the true tilt."""
     tuning = quad.HOLD
-    seeds, params = list(seeds), quantise.quantise(tuning)
+    seeds, params = list(seeds), quantise(tuning)
     ours = [held(params, seed) for seed in seeds]
     ideal = [hold_run(Float64(tuning), seed) for seed in seeds[:FLOAT_SEEDS]]
     late = [held(params, seed, LATE_MS) for seed in seeds]
@@ -350,7 +350,7 @@ def disturbed(tuning: str) -> tuple[Run, Plot, Plot]:
     from plumb.boards.native import NativeBoard
 
     run = quad.scenario("disturb", PLOTTED_SEED)
-    trial = open_loop(NativeBoard(), prescribed(run), quantise.quantise(quad.TUNINGS[tuning]))
+    trial = open_loop(NativeBoard(), prescribed(run), quantise(quad.TUNINGS[tuning]))
     time_s, words, truth = run.time_s, trial.words, trial.inputs.truth
     tilt = Plot(
         f"Tilt, {quad.TUNING_NOTES[tuning]}",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from plumb.contract.parameters import ControlParams
 from plumb.proof.runs import RunInputs
 from plumb.proof.scenario_run import OWN
 from plumb.readers import recording
 from plumb.readers.replay import ReplayRequest
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.tuning import QuadTuning
-from plumb.tuning.quantise import ControlParams
 
 VERTICAL_Z = (
     "--axis z: gravity does not turn about an upright z axis, so the accelerometer cannot measure that angle; the tilt"

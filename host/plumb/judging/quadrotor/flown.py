@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from plumb.boards import native_plant
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.physics.airframe import HUMMINGBIRD_X, Airframe
 from plumb.physics.pilots import vertical
 from plumb.physics.sensors import Fault
@@ -17,7 +18,6 @@ from plumb.systems.attitude.scenarios import apart_deg
 from plumb.systems.quadrotor import scenarios as quadrotor
 from plumb.systems.quadrotor.drawn_run import Scenario
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
-from plumb.tuning.quantise import ControlParams, quantise
 
 
 @dataclass(frozen=True)

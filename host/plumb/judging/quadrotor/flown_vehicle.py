@@ -6,13 +6,13 @@ import numpy as np
 
 from plumb.analyses.identification.vehicle_fit import FlownVehicle, VehicleFit, in_the_air
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams
 from plumb.kernels.reference.kernels import calibrate
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
 from plumb.systems.quadrotor.fixed import FLIES
 from plumb.systems.quadrotor.quantise import dequantise
 from plumb.tuning.channels import NO_SAMPLE
-from plumb.tuning.quantise import ControlParams
 
 AXES = 3
 

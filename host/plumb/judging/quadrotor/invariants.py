@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.scenario import Scenario
 from plumb.judging.quadrotor.plots import error_deg, flown_deg
 from plumb.physics.pilots import DEG
 from plumb.proof.invariants import Violation
 from plumb.proof.moments import behind
 from plumb.proof.runs import Run
 from plumb.spec.arrays import BoolArray, FloatArray
-from plumb.systems.contracts import Scenario
 from plumb.systems.quadrotor import courses
 from plumb.systems.quadrotor import fixed_phase as reasons
 from plumb.systems.quadrotor.drawn_run import ACCEL_LIES, GYRO_LIES

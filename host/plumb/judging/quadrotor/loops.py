@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.physics.airframe import HUMMINGBIRD_X, Airframe
 from plumb.spec.arrays import FloatArray
 from plumb.systems.quadrotor import courses
@@ -19,7 +20,6 @@ from plumb.systems.quadrotor.plant import command_of
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.quadrotor.vehicle import Vehicles
 from plumb.tuning.loop_model import Margins, Response, nearest_margins
-from plumb.tuning.quantise import quantise
 
 PATTERNS = {
     "roll": np.array([-1.0, 1.0, 1.0, -1.0]),

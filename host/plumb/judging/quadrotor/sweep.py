@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from plumb.boards.contract import Board, Stepper
+from plumb.contract.parameters import quantise
 from plumb.judging.quadrotor.loops import AMPLITUDE, HIGH_HZ, LOW_HZ, PATTERNS
 from plumb.proof.loop_sweep import sines, swept
 from plumb.spec.arrays import FloatArray
@@ -19,7 +20,6 @@ from plumb.systems.quadrotor import scenarios as quadrotor
 from plumb.systems.quadrotor.plant import QuadrotorPlant, command_of
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.tuning.loop_model import Margins, Response, nearest_margins
-from plumb.tuning.quantise import quantise
 
 HOW = f"Swept in flight on the virtual board in lockstep, {LOW_HZ:g} to {HIGH_HZ:g} Hz, broken at the mixer, seed 1000."
 HZ = np.geomspace(LOW_HZ, HIGH_HZ, 32)

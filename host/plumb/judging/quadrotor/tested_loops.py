@@ -15,6 +15,7 @@ import numpy as np
 from plumb.analyses.identification.pid_design import Search, as_typed
 from plumb.analyses.identification.tested_loop import TILT, Held, Inputs
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract.parameters import ControlParams
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.records import Words
 from plumb.systems.quadrotor import courses, quantise
@@ -25,7 +26,6 @@ from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.quadrotor.vehicle import FULL_Q15
 from plumb.tuning.cascade_model import Cascade, CascadeGains
 from plumb.tuning.loop_model import Loop, PlantModel
-from plumb.tuning.quantise import ControlParams
 
 AXES = ("roll", "pitch")
 FIRST_STICK = 6

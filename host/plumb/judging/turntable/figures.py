@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core
+from plumb.contract.parameters import quantise
 from plumb.judging.turntable import gyro as turntable_gyro
 from plumb.judging.turntable.plots import RATE_DPS, attitude, reference_attitude
 from plumb.proof import intervals
@@ -30,7 +31,6 @@ from plumb.systems.turntable import reference as reference_turntable
 from plumb.systems.turntable import scenarios as turntable
 from plumb.systems.turntable.motion import REST_S
 from plumb.systems.turntable.reference import rotation_deg
-from plumb.tuning import quantise
 
 Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 
@@ -114,15 +114,13 @@ class Batch:
 
     def words(self, tuning: str, run: turntable.Scenario) -> Words:
         """Of the C integers."""
-        return native_core.run_control(
-            quantise.quantise(run.fit(turntable.TUNINGS[tuning])), run.counts(), run.setpoint()
-        )
+        return native_core.run_control(quantise(run.fit(turntable.TUNINGS[tuning])), run.counts(), run.setpoint())
 
     def integers(self, tuning: str) -> Residual:
         return Residual.of(residuals(run, attitude(self.words(tuning, run))) for run in self.runs)
 
     def float64(self, tuning: str, rule: reference_turntable.Rule = "trapezium") -> Residual:
-        """`plumb.systems.run_reference` on the same counts."""
+        """`plumb.contract.run_reference` on the same counts."""
         return Residual.joined([part._float64(tuning, rule) for part in self._parts()])
 
     def _float64(self, tuning: str, rule: reference_turntable.Rule) -> Residual:
@@ -147,7 +145,7 @@ class Batch:
         return np.array(errors)
 
     def float64_rate_noise_dps(self, tuning: str) -> FloatArray:
-        """The same of `plumb.systems.run_reference`."""
+        """The same of `plumb.contract.run_reference`."""
         return np.concatenate([part._float64_rate_noise_dps(tuning) for part in self._parts()])
 
     def _float64_rate_noise_dps(self, tuning: str) -> FloatArray:

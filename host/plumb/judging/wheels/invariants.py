@@ -10,12 +10,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from plumb.contract.scenario import Scenario
 from plumb.judging.wheels.plots import estimate_deg
 from plumb.proof.invariants import Violation
 from plumb.proof.moments import behind
 from plumb.proof.runs import Run
 from plumb.spec.arrays import BoolArray, FloatArray
-from plumb.systems.contracts import Scenario
 from plumb.systems.wheels import rides
 from plumb.systems.wheels.fixed import GYRO_UP, LEFT, MOTORS_ON, RECEIVER, RIGHT, STOP_SENSORS, SWITCHES
 from plumb.systems.wheels.plant import FAULTY

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core, native_plant
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof import moments
 from plumb.spec.arrays import FloatArray
 from plumb.systems.wheels import scenarios as wheels
 from plumb.systems.wheels.drawn_run import Scenario
 from plumb.systems.wheels.plant import Duties, WheelsPlant
 from plumb.systems.wheels.tuning import WheelsTuning
-from plumb.tuning.quantise import ControlParams, quantise
 
 TURN_DEG, RATE_DPS, DUTY, FALLEN = 360.0 / 2.0**32, 360.0 / 2.0**28, 2.0**-15, 1 << 7
 COAST: Duties = (None, None)

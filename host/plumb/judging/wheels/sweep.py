@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from plumb.boards.contract import Board, Stepper
+from plumb.contract.parameters import quantise
 from plumb.proof.loop_sweep import sines, swept
 from plumb.spec.arrays import FloatArray
 from plumb.systems.wheels import rides
@@ -21,7 +22,6 @@ from plumb.systems.wheels.drawn_run import Scenario
 from plumb.systems.wheels.plant import WheelsPlant
 from plumb.systems.wheels.tuning import WheelsTuning
 from plumb.tuning.loop_model import Margins, Response, nearest_margins
-from plumb.tuning.quantise import quantise
 
 PATTERNS = {"balance": (1.0, 1.0), "turn": (-1.0, 1.0)}
 """Loop -> what a command of it adds to the duties, left and right."""

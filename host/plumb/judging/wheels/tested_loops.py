@@ -14,6 +14,7 @@ import numpy as np
 from plumb.analyses.identification.pid_design import Search, as_typed
 from plumb.analyses.identification.tested_loop import Held, Inputs
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract.parameters import ControlParams
 from plumb.judging.wheels.sweep import BEGINS_S, straight_ahead
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.records import Words
@@ -23,7 +24,6 @@ from plumb.systems.wheels.plant import FULL_Q15, WheelsPlant
 from plumb.systems.wheels.tuning import WheelsTuning
 from plumb.tuning.cascade_model import Cascade, CascadeGains
 from plumb.tuning.loop_model import Loop, PlantModel, Response
-from plumb.tuning.quantise import ControlParams
 
 AXES = ("turn",)
 YAW = 11

@@ -1,5 +1,5 @@
 """Arc tangent, arc sine, sine, cosine and length, from docs/reference/arithmetic/kernels.md alone; the integer side of
-`plumb.systems.run_fixed`."""
+`plumb.contract.run_fixed`."""
 
 from __future__ import annotations
 

@@ -17,6 +17,8 @@ from plumb import systems
 from plumb.boards import plant_on_pins
 from plumb.boards.contract import SimulatedBoard
 from plumb.boards.virtual import VirtualBoard
+from plumb.contract.parameters import quantise
+from plumb.contract.scenario import fitted, link_words
 from plumb.errors import LinkError, UsageError
 from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.peripherals.tim import Timer
@@ -33,18 +35,7 @@ from plumb.spec import declarations, images
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame, protocol
 from plumb.spec.system import AXIS, RIDE
-from plumb.systems.contracts import (
-    PINS,
-    AnalogPins,
-    BridgePins,
-    CommandedPins,
-    Coupling,
-    Pins,
-    SensorSets,
-    fitted,
-    link_words,
-)
-from plumb.tuning.quantise import quantise
+from plumb.systems.contracts import PINS, AnalogPins, BridgePins, CommandedPins, Coupling, Pins, SensorSets
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine

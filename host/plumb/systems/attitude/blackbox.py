@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from plumb.contract.parameters import ControlParams
 from plumb.spec.records import Words
 from plumb.systems.blackbox import Cells
-from plumb.tuning.quantise import ControlParams
 
 DEG_PER_Q28 = 360.0 / 2**28
 

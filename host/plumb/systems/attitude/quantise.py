@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+from plumb.contract.parameters import ControlParams
 from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Gyro, Motion, Mounting, Rest
 from plumb.tuning import mounting
 from plumb.tuning.groups import channel_of, channel_words, check_numbers, refuse, whole
-from plumb.tuning.quantise import ControlParams
 
 DEG = math.pi / 180.0
 G_MPS2 = 9.80665

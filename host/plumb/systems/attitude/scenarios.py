@@ -17,8 +17,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.disturbance import Request
 from plumb.physics import rotation
-from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+from plumb.contract.parameters import ControlParams
 from plumb.systems.balancer.reference import GRAVITY_MPS2
 from plumb.systems.balancer.tuning import EDGES_MOST, SPEED_MOST_MPS, BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.tuning.groups import axis_of, axis_words, not_negative, refuse, whole
-from plumb.tuning.quantise import ControlParams
 from plumb.tuning.variances import in_variances
 
 WHEEL_SPEED_LIMIT = int(SPEED_MOST_MPS) << 26

@@ -19,7 +19,8 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from plumb.physics.disturbance import Request
+from plumb.contract.disturbance import Request
+from plumb.contract.scenario import Plant
 from plumb.physics.sensors import FAULT_NOTES, Fault, Push, faults_of
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Calibration, Kalman, Pid, Start, Trust
@@ -27,7 +28,6 @@ from plumb.systems.balancer.drawn_run import ACCELEROMETER, CHANNELS, GYRO, Ride
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.systems.balancer.vehicle import EDGE_M, GRID_S, Vehicle
-from plumb.systems.contracts import Plant
 from plumb.systems.run_length import length_s
 
 PERIOD_US = 10_000

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.spec.tuning import Trust
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 from plumb.tuning.groups import channel_of, channel_words, check_filter, check_numbers, filter_of, filter_words, refuse
-from plumb.tuning.quantise import ControlParams
 from plumb.tuning.variances import in_variances, lsb_of
 
 

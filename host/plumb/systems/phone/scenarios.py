@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from plumb.physics.disturbance import Request
+from plumb.contract.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, band_noise, fault_of
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel

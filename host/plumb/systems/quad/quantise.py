@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from plumb.contract.parameters import ControlParams
 from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning.groups import axis_of, axis_words, esc_of, esc_words
-from plumb.tuning.quantise import ControlParams
 from plumb.tuning.variances import in_variances
 
 

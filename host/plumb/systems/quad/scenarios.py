@@ -20,8 +20,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from plumb.contract.disturbance import Request
+from plumb.contract.scenario import Plant
 from plumb.errors import UsageError
-from plumb.physics.disturbance import Request
 from plumb.physics.sensors import (
     ADC_COUNTS,
     ADC_NOISE_LSB,
@@ -34,7 +35,6 @@ from plumb.physics.sensors import (
 )
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Calibration, Esc, Kalman, Pid, Start, Trust
-from plumb.systems.contracts import Plant
 from plumb.systems.quad import lateral as lateral_motion
 from plumb.systems.quad.drawn_run import CHANNELS, GYRO, LateNoise, Prescribed, Scenario
 from plumb.systems.quad.lateral import BURST_G, GRID_S, Lateral, fade

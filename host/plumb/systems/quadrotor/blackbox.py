@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from plumb.contract.parameters import ControlParams
 from plumb.spec.records import Words
 from plumb.systems.blackbox import PID_UNITS, STICK_UNITS, THROTTLE_LOW, THROTTLE_UNITS, Cells
 from plumb.systems.quadrotor.fixed import FLIES, LEVELS, LOST
 from plumb.systems.quadrotor.fixed_phase import HELD, LANDING, RECEIVER_LOST, STOPPED
-from plumb.tuning.quantise import ControlParams
 
 AXES = ("roll", "pitch", "yaw")
 DEG_PER_Q28 = 360.0 / 2**28

@@ -6,11 +6,11 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 
+from plumb.contract.parameters import ControlParams
 from plumb.systems.attitude import quantise as attitude
 from plumb.systems.attitude.quantise import G_MPS2
 from plumb.systems.quadrotor.tuning import Level, Mixer, QuadrotorTuning, RateGains, Rates, Receiver, Stops
 from plumb.tuning.groups import esc_of, esc_words, refuse, whole
-from plumb.tuning.quantise import ControlParams
 
 GROUPS = ("gyro", "accel", "gyro_mounting", "accel_mounting", "attitude")
 """Groups of parameters that are those of attitude."""

@@ -13,13 +13,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from plumb.contract.disturbance import Request
+from plumb.contract.scenario import Plant
 from plumb.errors import UsageError
 from plumb.physics.airframe import HUMMINGBIRD_X
-from plumb.physics.disturbance import Request
 from plumb.physics.imu import DRAWS, MPU6050, TWO_CHIPS
 from plumb.physics.sensors import DIGITAL_FAULT_KINDS, DIGITAL_FAULT_NOTES, Fault, fault_of
 from plumb.systems.attitude.scenarios import TUNINGS as ESTIMATORS
-from plumb.systems.contracts import Plant
 from plumb.systems.quadrotor import courses, random_flights
 from plumb.systems.quadrotor.drawn_run import Scenario
 from plumb.systems.quadrotor.frame_tuning import rates_of

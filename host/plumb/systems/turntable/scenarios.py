@@ -22,8 +22,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.disturbance import Request
 from plumb.errors import UsageError
-from plumb.physics.disturbance import Request
 from plumb.physics.sensors import ADC_COUNTS
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel

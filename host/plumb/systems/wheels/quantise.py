@@ -6,11 +6,11 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 
+from plumb.contract.parameters import ControlParams
 from plumb.systems.balancer import quantise as balancer
 from plumb.systems.wheels.tuning import Riding, Turning, Watching, WheelsTuning
 from plumb.systems.wheels.vehicle import G_MPS2
 from plumb.tuning.groups import check_numbers, not_negative, refuse, whole
-from plumb.tuning.quantise import ControlParams
 
 MOST, GAIN_MAX = (1 << 31) - 1, 1 << 30
 TURN = 360.0

@@ -14,7 +14,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from plumb.physics.disturbance import Request
+from plumb.contract.disturbance import Request
+from plumb.contract.scenario import Plant
 from plumb.physics.imu import DRAWS, MPU6050
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
 from plumb.spec.arrays import FloatArray
@@ -22,7 +23,6 @@ from plumb.spec.tuning import Calibration, Channel, Kalman, Pid, Start, Trust
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer import vehicle as one_motor
 from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
-from plumb.systems.contracts import Plant
 from plumb.systems.random_events import EVENTS_ALL, EVENTS_NOTE, RANDOM, check_conditions
 from plumb.systems.run_length import length_s
 from plumb.systems.wheels import random_rides, rides

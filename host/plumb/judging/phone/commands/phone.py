@@ -25,10 +25,10 @@ from plumb.cli import options
 
 if TYPE_CHECKING:
     from plumb.boards.contract import Board
+    from plumb.contract.parameters import ControlParams
     from plumb.judging.phone.inputs.live_run import Outcome
     from plumb.judging.phone.inputs.resampler import Step
     from plumb.proof.report import Table
-    from plumb.tuning.quantise import ControlParams
 
 DEFAULT_PORT = 50_000
 LOOK_STEPS = 10

@@ -13,15 +13,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from plumb.boards.contract import Answer, Board, RawCounts, Stepper
+from plumb.contract import run_fixed
+from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import LinkError, UsageError
 from plumb.judging.phone.inputs.resampler import Step
 from plumb.judging.phone.inputs.udp import TURN_S, Intake, Listener
 from plumb.proof import runs
 from plumb.proof.compare import Divergence
 from plumb.readers import recording
-from plumb.systems import run_fixed
 from plumb.systems.phone import scenarios as phone
-from plumb.tuning.quantise import ControlParams, quantise
 
 SILENCE_S = 5.0
 """Time without a step after which the phone counts as stopped. Time in which this process did not listen, because the

@@ -1,7 +1,7 @@
 """Disturbances of a run as text: KIND[:WHAT]@START[-STOP], times in seconds.
 
-    stuck:gyro@20        a channel freezes at 20 s, for good
-    railed:accel_y@20-25 a channel is at its rail for 5 s
+    stuck:NAME@20        a channel freezes at 20 s, for good
+    railed:NAME@20-25    a channel is at its rail for 5 s
     push:0.2@15-15.3     a push of that size, in the unit of the system
 
 Each system says which kinds it has and what they act on (FAULTS of plumb.systems).
@@ -47,6 +47,6 @@ def parse(text: str) -> Request:
         assert start_s < stop_s
     except (AssertionError, ValueError):
         raise UsageError(
-            f"'{text}' is no fault; write KIND[:WHAT]@START[-STOP], for example stuck:gyro@20-25"
+            f"'{text}' is no fault; write KIND[:WHAT]@START[-STOP], for example stuck:CHANNEL@20-25"
         ) from None
     return Request(found["kind"], found["what"] or "", start_s, stop_s)

@@ -14,12 +14,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.parameters import Changes, ControlParams
+from plumb.contract.step import FIXED, CheckedWords, RetunedStep
 from plumb.errors import UsageError
 from plumb.spec import dbc, declarations
 from plumb.spec.records import Words, names_of, packer
-from plumb.systems import load
-from plumb.systems.contracts import FIXED, CheckedWords, RetunedStep
-from plumb.tuning.quantise import Changes, ControlParams
+from plumb.spec.system_parts import load
 
 
 class Controller:

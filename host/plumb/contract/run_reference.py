@@ -1,7 +1,7 @@
 """Run a system's reference model: the published equations in float64, against which fixed point is measured.
 
 The model is the system's reference.py; the shared kernels are in `plumb.kernels.reference`. With the dequantised tuning
-of a parameter set, it differs from `plumb.systems.run_fixed` in the arithmetic alone.
+of a parameter set, it differs from `plumb.contract.run_fixed` in the arithmetic alone.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from plumb.contract.parameters import ControlParams, dequantise
+from plumb.contract.step import REFERENCE
 from plumb.spec import declarations
+from plumb.spec.system_parts import load
 from plumb.spec.tuning import AnyTuning
-from plumb.systems import load
-from plumb.systems.contracts import REFERENCE
-from plumb.tuning.quantise import ControlParams, dequantise
 
 
 def run_control(
