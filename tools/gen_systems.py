@@ -193,6 +193,9 @@ def system_headers_h(built: Iterable[System]) -> str:
         f"#define CONTROL_COUNTS_MAX {max(system.counts for system in built)}U",
         f"#define CONTROL_COMMANDS_MAX {max(system.inputs - system.counts for system in built)}U",
         "",
+        "/* Whether a system of this image learns what SAVE keeps. */",
+        f"#define CONTROL_LEARNS {int(any(system.learned for system in built))}",
+        "",
         "/* The largest record of any system, in words. */",
         "typedef union {",
         *(f"    plumb_{system.name}_words_t {system.name};" for system in built),
@@ -261,6 +264,7 @@ def systems_c(built: Iterable[System]) -> str:
         lines += [f"    .noisy = 0x{noisy:02X}U,"]
         if system.missing_samples == "marked":
             lines += ["    .marks_missing = true,"]
+        lines += [f"    {line}" for line in _learned(system)]
         lines += ["};", ""]
     lines += [
         "/* A system that this image does not have: flags and step number, which are 0. */",
@@ -299,6 +303,18 @@ def _checks(system: System) -> list[str]:
         for member in ("fails", "unready")
     }
     return [f".{member} = {flags or '0U'}," for member, flags in chosen.items()]
+
+
+def _learned(system: System) -> list[str]:
+    """Initialisers of what SAVE keeps."""
+    if system.learned is None:
+        return []
+    word = next(word for word in system.words if word.name == system.learned.word)
+    number = next(place for place, row in enumerate(parameters.table()) if row.name == system.learned.parameter)
+    return [
+        f".learned_word = {_c_place(system, word)},",
+        f".learned_parameter = {number}U, /* {system.learned.parameter} */",
+    ]
 
 
 def _c_integer(value: int) -> str:

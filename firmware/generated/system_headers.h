@@ -12,6 +12,9 @@
 #define CONTROL_COUNTS_MAX 9U
 #define CONTROL_COMMANDS_MAX 6U
 
+/* Whether a system of this image learns what SAVE keeps. */
+#define CONTROL_LEARNS 1
+
 /* The largest record of any system, in words. */
 typedef union {
     plumb_quad_words_t quad;

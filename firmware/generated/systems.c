@@ -156,6 +156,8 @@ static const control_system_t quadrotor_system = {
     .command_count = 5U,
     .noisy = 0x3FU,
     .marks_missing = true,
+    .learned_word = WORD(plumb_quadrotor_words_t, hover_q15),
+    .learned_parameter = 72U, /* attitude.aid_hover_q15 */
 };
 
 static const control_system_t wheels_system = {

@@ -121,6 +121,7 @@ static uint16_t execute(session_t *s, const request_t *q, uint16_t verb) {
     }
     switch (verb) {
     case MESSAGE_EXECUTE_VERB_SAVE:
+        session_keep_learned(s);
         return staging_save(&s->staging, s->params);
     case MESSAGE_EXECUTE_VERB_LOAD:
         reason = staging_load(&s->staging, s->params);

@@ -154,6 +154,9 @@ void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
         links.setpoints = LINK_NONE;
     }
 #endif
+#if CONTROL_LEARNS
+    s->own_state = run == MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE;
+#endif
     run_begin(&s->run, run, links, control_system(&s->params->control));
     telemetry_begin(&s->telemetry);
     control_init(s->control, &s->params->control);
@@ -340,6 +343,9 @@ void session_apply_staged(session_t *s) {
     if (s->staging.table->control.system != s->params->control.system) {
         telemetry_select_nothing(&s->telemetry); /* another record */
     }
+#if CONTROL_LEARNS
+    s->own_state = s->own_state && s->run.mode != RUN_IDLE;
+#endif
     if (s->run.mode != RUN_IDLE) {
         control_retune(s->control, &s->params->control, &s->staging.table->control);
     }
@@ -355,6 +361,18 @@ void session_apply_staged(session_t *s) {
         arming_switch_unread(&s->arming);
     }
 }
+
+#if CONTROL_LEARNS
+/* The state of a run stays until the next one begins. */
+void session_keep_learned(session_t *s) {
+    const control_system_t *const system = control_system(&s->params->control);
+
+    if (s->own_state && system->learned_word != 0U) {
+        staging_learn(s->params, system->learned_parameter,
+                      (uint32_t)control_words(s->control)[system->learned_word]);
+    }
+}
+#endif
 
 void session_report_parameters(session_t *s, uint32_t crc) {
     const message_param_used_t m = {.step = s->run.step, .crc = crc};

@@ -83,6 +83,9 @@ typedef struct {
 #if USED_BATTERY
     battery_t battery;
 #endif
+#if CONTROL_LEARNS
+    bool own_state; /* *control comes from a run on the board's own sensors with the parameters in use */
+#endif
     bool step_overdue; /* no step of the run in real time comes (run.h) */
     random_t random;
     nonce_t nonce[LINKS]; /* valid only on the link that asked for it */
@@ -189,6 +192,16 @@ void session_repeat_step(session_t *s, const request_t *q, uint16_t step);
 /* Put the staged parameters into use, between two steps. Call only while no run is on, or when only live
  * parameters change: the run goes on without a jump of its outputs (control_retune()). */
 void session_apply_staged(session_t *s);
+
+/* Put what the last run has learned on the board's own sensors into the parameters in use. Call only while no
+ * run is on. */
+#if CONTROL_LEARNS
+void session_keep_learned(session_t *s);
+#else
+static inline void session_keep_learned(session_t *s) {
+    (void)s;
+}
+#endif
 
 /* Send PARAM_USED to every open link, if a run is on: the next step is the first one with the parameters in
  * use. crc: theirs. */

@@ -71,6 +71,20 @@ uint16_t staging_check_commit(const staging_t *s, const can_frame_t *frame, uint
     return store_accepts(s->table) ? 0 : MESSAGE_NACK_REASON_PARAMETERS;
 }
 
+#if CONTROL_LEARNS
+void staging_learn(params_t *in_use, uint16_t index, uint32_t value) {
+    const uint32_t before = params_word(in_use, index);
+
+    if (params_in_range(index, value)) {
+        params_set_word(in_use, index, value);
+        if (!store_accepts(in_use)) {
+            params_set_word(in_use, index, before);
+        }
+        board_parameters_seal();
+    }
+}
+#endif
+
 uint16_t staging_save(staging_t *s, const params_t *in_use) {
     if (!store_save(in_use, &s->saved.sequence)) {
         return MESSAGE_NACK_REASON_FLASH;

@@ -3,7 +3,7 @@
  *
  * A host stages words one by one and commits the whole table by its CRC-32; saved parameters and defaults are
  * staged as a whole. One link stages at a time. The table in use belongs to the caller; only staging_apply()
- * changes and seals it (board_parameters_seal()), between two steps. */
+ * and staging_learn() change and seal it (board_parameters_seal()), between two steps. */
 #ifndef PLUMB_LINK_STAGING_H
 #define PLUMB_LINK_STAGING_H
 
@@ -44,6 +44,12 @@ void staging_on_set(staging_t *s, routing_t *routing, const request_t *q, const 
 
 /* PARAM_COMMIT: 0 when the staged table may be applied, else the reason of the NACK and its detail. */
 uint16_t staging_check_commit(const staging_t *s, const can_frame_t *frame, uint16_t *detail);
+
+#if CONTROL_LEARNS
+/* Put what a run has learned into a parameter in use, by its index. A value outside its range, or one that
+ * the step does not accept, changes nothing. Call only while no run is on. */
+void staging_learn(params_t *in_use, uint16_t index, uint32_t value);
+#endif
 
 /* EXECUTE SAVE, LOAD and DEFAULTS; return 0 or the reason of the NACK. LOAD and DEFAULTS stage a table that
  * the caller then applies; a LOAD that fails stages a copy of the table in use. SAVE stages nothing, and

@@ -77,6 +77,10 @@ typedef struct {
     uint8_t inputs;      /* and words of commands, in whole frames */
     bool marks_missing;  /* a step without a sample gets counts of INT16_MIN; else the last sample again */
     bool owner_alone;    /* setpoints and commands come from the owner of the run; else from the named link */
+#if CONTROL_LEARNS
+    uint8_t learned_word;       /* what a run learns: place in the record; 0: nothing */
+    uint16_t learned_parameter; /* number of the parameter that the next run begins with */
+#endif
 #if CONTROL_COMMANDS_MAX > 0U
     const control_command_t *commands;
     uint8_t command_count;

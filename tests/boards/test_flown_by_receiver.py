@@ -19,11 +19,13 @@ from plumb.f103.attached.mpu6050 import Mpu6050
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot
 from plumb.link.identity import disarmed_text
+from plumb.link.parameter_table import read_table
 from plumb.link.realtime import Capture
 from plumb.link.selection import RAW_FRAMES
 from plumb.link.session import Session
 from plumb.physics.battery import BATTERY_PIN, Battery
 from plumb.spec import crsf
+from plumb.spec.parameter_file import by_name
 from plumb.systems import load
 from support.noise import with_noise
 
@@ -236,3 +238,17 @@ def test_with_the_rotors_on_a_step_of_20_deg_per_s_ends_what_stands_on_the_groun
     flown.passes(3.0, UP)
     assert flown.session.telemetry["PLAUSIBILITY"]["disarmed_by"] == stopped
     assert flown.armed == (stopped == 0)
+
+
+def test_the_hover_that_a_flight_has_learned_is_there_after_a_save_and_a_reset(flown: Flown) -> None:
+    """1 g is felt at 0.6 of the throttle, where 0.44 was told."""
+    flown.passes(2.5, crsf.sticks(throttle=0.6, on=True))
+    assert flown.armed
+    flown.passes(0.2, crsf.sticks())
+    flown.session.execute("SAVE")
+    flown.machine.reset()
+    flown.machine.advance_us(START_US)
+    flown.machine.uart.reset_input_buffer()
+    with Session.open(flown.machine.uart) as session:
+        hover_q15 = by_name(read_table(session))["attitude.aid_hover_q15"]
+    assert hover_q15 == pytest.approx(0.6 * (1 << 15), rel=0.03)

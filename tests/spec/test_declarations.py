@@ -14,6 +14,7 @@ from plumb.spec.system import System
 ERROR = '{ name = "error_counts_q16", type'
 """The second entry of the record."""
 DRIVEN = 'kind = "BRIDGE", word = "filtered_counts_q16"'
+LEARNED = 'learned = {{ word = "{}", parameter = "{}" }}'
 REASONED = 'record = [ { name = "stop_reason", type = "uint32", unit = "", format = "bits", doc = "why" },'
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy" / "system.toml"
 
@@ -68,6 +69,13 @@ def test_the_toy_is_accepted_as_it_is(tmp_path: Path) -> None:
         ("min = 1\nmax = 429496729", "mean = 5\nmin = 1\nmax = 429496729", "mean is unknown"),
         ('name = "toy.raw_max"', 'name = "rawmax"', "cannot be a name"),
         ('period = "toy.dt_s_q32"', 'period = "nix.dt"', "names a parameter of the groups"),
+        ("groups = []", f"groups = []\n{LEARNED.format('nix', 'toy.share_q16')}", "no word 'nix' that a step learns"),
+        ("groups = []", f"groups = []\n{LEARNED.format('total_counts', 'nix.x')}", "reads no parameter 'nix.x'"),
+        (
+            "groups = []",
+            f"groups = []\n{LEARNED.format('total_counts', 'toy.share_q16')}",
+            "has the type and the format",
+        ),
         ("groups = []", 'groups = []\noutput = { kind = "PULSES", word = "clamped_steps" }', "driven by 2 words"),
         (
             "groups = []",

@@ -269,6 +269,24 @@ def _check_sticks(system: System) -> None:
         raise UsageError(f'command_source = "receiver": first come {wanted}, all int16, and the setpoint is Q15')
 
 
+def _check_learned(system: System, rows: Sequence[TomlTable]) -> None:
+    """Raises UsageError unless what SAVE keeps is a word of the record, and a parameter of the same form that does not
+    change in a run."""
+    if system.learned is None:
+        return
+    word = next((word for word in system.words if word.name == system.learned.word), None)
+    row = next((row for row in rows if row["name"] == system.learned.parameter), None)
+    if word is None or word is system.words[0]:
+        raise UsageError(f"learned: the record has no word {system.learned.word!r:.40} that a step learns")
+    if row is None or group_of(row["name"]) not in system.all_groups:
+        raise UsageError(f"learned: the step reads no parameter {system.learned.parameter!r:.40}")
+    if (word.type, word.format) != (row["type"], row["format"]) or row.get("live", False):
+        raise UsageError(
+            f"learned: {row['name']} has the type and the format of {word.name}, {word.type} {word.format}, and is not"
+            " live"
+        )
+
+
 def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTable] = ()) -> None:
     """Raises UsageError with the first mistake of a declaration. shared: the rows of the shared parameter groups;
     of_bases: the own rows of the systems that it stands on."""
@@ -279,6 +297,7 @@ def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTa
     _check_folder(system)
     _check_units(system)
     _check_groups(system, shared, of_bases)
+    _check_learned(system, [*shared, *of_bases, *system.parameters])
     if system.output and len(system.output_words) < OUTPUTS[system.output]:
         raise UsageError(f"output {system.output} is driven by {OUTPUTS[system.output]} words: the record ends before")
     _check_output_checks(system)

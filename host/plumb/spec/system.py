@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from plumb.checkout import PACKAGE
 from plumb.errors import UsageError
@@ -187,6 +187,13 @@ class Command:
         return high << 16 * len(low) | sum((word & 0xFFFF) << 16 * i for i, word in enumerate(low))
 
 
+class Learned(NamedTuple):
+    """What a run learns and SAVE keeps: the word of the record, and the parameter that the next run begins with."""
+
+    word: str
+    parameter: str
+
+
 @dataclass(frozen=True)
 class System:
     """One declared system.
@@ -204,6 +211,7 @@ class System:
     structs: group -> C struct of the kernel that reads it; includes: headers of those structs.
     step_commands: inputs of a step that a host sets besides the setpoint; command_source: who may send them, and the
     setpoint (COMMAND_SOURCES).
+    learned: what a run on the board's own sensors learns and SAVE keeps; None: nothing.
     commands: the system's own commands of the command line, name -> one sentence; their modules are in the folder
     `commands` of judging.
     default_for: parts (`replay`, `demo`) for which this system is the default of the command.
@@ -241,6 +249,7 @@ class System:
     flash_kib: int | None = None
     step_commands: tuple[Command, ...] = ()
     command_source: str = "link"
+    learned: Learned | None = None
     stands_on: tuple[str, ...] = ()
     base_groups: tuple[str, ...] = ()
     checks: str = ""
