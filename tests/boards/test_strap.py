@@ -19,6 +19,7 @@ from plumb.f103.machine import Machine
 from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS
 from plumb.link.session import Session
 from plumb.spec import parameters
+from plumb.spec.pin_sets import PIN_SETS
 from support.pins import at_rest
 from support.vehicles_image import vehicles_image
 
@@ -91,6 +92,12 @@ def started(strap: str, slots: bytes) -> tuple[Machine, Outputs]:
     watched = Outputs(machine)
     machine.advance_us(BOOT_US)
     return machine, watched
+
+
+def test_the_parameter_that_saves_a_pin_set_names_them_all() -> None:
+    [row] = [row for row in parameters.table() if row.name == "pins"]
+    said = ", ".join(f"{number} {one.name} ({one.drives})" for number, one in enumerate(PIN_SETS))
+    assert row.max == len(PIN_SETS) - 1 and said in row.doc
 
 
 @pytest.mark.parametrize("strap", GROUNDED)

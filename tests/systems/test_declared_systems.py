@@ -200,6 +200,22 @@ def test_nothing_outside_its_folder_names_a_system(path: Path) -> None:
     assert [line for line in [path.stem, *lines] if names.search(line)] == []
 
 
+GENERIC = ("contract", "spec", "tuning", "link", "boards", "proof", "campaign", "cli", "cockpit")
+"""Folders of code for any system."""
+VEHICLES = re.compile(r"quadrotor|balancer|turntable", re.IGNORECASE)
+
+
+@pytest.mark.parametrize("folder", GENERIC)
+def test_generic_code_asks_the_declared_system_for_what_is_a_vehicles(folder: str) -> None:
+    """Names that are also words of the field stay out of code as well; help and docstrings have them as examples."""
+    naming = []
+    for path in sorted((ROOT / "host/plumb" / folder).rglob("*.py")):
+        code = ast.unparse(without_docstrings(ast.parse(path.read_text(encoding="utf-8"))))
+        lines = [line for line in code.splitlines() if not line.lstrip().startswith(("'", '"')) and "help=" not in line]
+        naming += [f"{path.name}: {line}" for line in lines if VEHICLES.search(line)]
+    assert naming == []
+
+
 def test_golden_vectors_of_a_toy_system_hold_on_every_board(toy: Plumb, tmp_path: Path) -> None:
     shutil.copy(TOYS / "recipe.toml", tmp_path)
     toy("golden", "make", "--vectors", str(tmp_path))

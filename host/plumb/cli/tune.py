@@ -30,11 +30,10 @@ or the board cannot hold them.
 step), fits a plant with lag and delay to the tilt rate, and works out gains with the wanted margins of phase, gain and
 delay. On `native` and `virtual` the system's plant is simulated, and the test is repeated with the new gains. On a
 board behind a link the test arms the board and moves the machine: only with --arm-and-move.
-quadrotor: excites the stick of one axis (--loop roll or pitch), in simulation only; reports margins of the rate loop
-alone and of rate and level loop together. wheels: excites the stick of the turn rate while it rolls straight ahead, in
-simulation only; the balance loop is not tested. A real vehicle is never armed for a test: fly it by its receiver and
-record with `plumb record --run live`, or fly with `plumb fly`, and give the log. One minute is enough in which the
-stick of the axis moves without a pause, level and gently. Exit code 1 when no gains have the margins.
+Of a vehicle with a receiver the stick of one loop (--loop) is excited, in simulation only; the page of the system says
+what its margins are of. A real vehicle is never armed for a test: fly it by its receiver and record with
+`plumb record --run live`, or fly with `plumb fly`, and give the log. One minute is enough in which the stick of the
+axis moves without a pause, level and gently. Exit code 1 when no gains have the margins.
 
 `vehicle` takes the log of a flight to and fro, by 15 to 30 deg for a minute, in mode level. It prints the thrust
 command of a hover and the drag by mass and speed, each with its interval of 95 %, and the offsets of the accelerometer
@@ -97,7 +96,7 @@ def add_pid(pid: argparse.ArgumentParser) -> None:
     pid.add_argument(
         "--loop",
         metavar="AXIS",
-        help="which loop of a vehicle: roll or pitch of quadrotor, turn of wheels (default: the first)",
+        help="which loop of the system (default: its first; another name is answered with those that it has)",
     )
     pid.add_argument("--period-us", type=int, metavar="US", help="period of the simulated system (default: its own)")
     options.add_seed(pid, "the plant")

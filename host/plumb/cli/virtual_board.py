@@ -42,6 +42,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
+from plumb.spec.pin_sets import PIN_SETS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,6 +58,8 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    straps = ", ".join(one.name for one in PIN_SETS)
+    battery = ", ".join(f"{one.battery} of {one.name}" for one in PIN_SETS if one.battery)
     parser.add_argument(
         "--serial", default="pty", metavar="pty|tcp:PORT", help="where its UART is served (default pty)"
     )
@@ -73,13 +76,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--battery",
         type=float,
         metavar="V",
-        help="volts of the battery, at PB0, of wheels at PA2 (default: that of the plant, else 0)",
+        help=f"volts of the battery, at {battery} (default: that of the plant, else 0)",
     )
     parser.add_argument("--symlink", type=Path, help="make this symbolic link to the terminal")
     options.add_system(parser, "start as this system, with its plant on the pins")
     options.add_scenario(parser)
     options.add_seed(parser, "the plant")
-    parser.add_argument("--strap", help="standard, bridge, quadrotor or wheels (default: that of --system)")
+    parser.add_argument("--strap", help=f"{straps} (default: that of --system)")
     parser.add_argument("--port", choices=("f103", "native"), default="f103", help="the chip, or a board in memory")
     parser.add_argument("--part", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
     options.add_image(parser)

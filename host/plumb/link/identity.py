@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from plumb.errors import LinkError
 from plumb.spec import armed_values, declarations, images, parameters, status_bits
+from plumb.spec.pin_sets import PIN_SETS
 from plumb.spec.protocol import Protocol
 from plumb.spec.system import CHECKED_CHANNELS
 
@@ -18,11 +19,8 @@ FAULT_STRAP = 15
 BLOCKING_FAULTS = (*range(8), 13, 14, FAULT_STRAP)
 FAULTS = {bit: one.text for bit, one in status_bits.FAULTS.items()}
 PINS = {
-    0: "standard",
-    1: "bridge",
-    2: "quadrotor",
-    3: "wheels",
-    4: "none: PB4 or PB5 is not steady; no actuator pin is driven",
+    **{number: one.name for number, one in enumerate(PIN_SETS)},
+    len(PIN_SETS): "none: PB4 or PB5 is not steady; no actuator pin is driven",
 }
 """Pin set that the strap chose at the start: item PINS. The parameter pins has all but the last."""
 SOURCES = {

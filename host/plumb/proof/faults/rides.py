@@ -30,7 +30,7 @@ LEFT, RIGHT = 1, 2
 
 @runtime_checkable
 class RiddenPlant(Protocol):
-    """Plant of a vehicle on wheels, to which something may happen at any moment (`plumb.systems.wheels.rides`)."""
+    """Plant of a vehicle on wheels, to which something may happen at any moment."""
 
     @property
     def time_s(self) -> float: ...
