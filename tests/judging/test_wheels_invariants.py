@@ -13,12 +13,12 @@ from plumb.campaign.study import from_table
 from plumb.judging.wheels import invariants
 from plumb.proof.runs import Run
 from plumb.spec.records import Words
-from plumb.systems.wheels import fixed, random_rides, rides
+from plumb.systems.wheels import fixed_state, random_rides, rides
 from plumb.systems.wheels.plant import FAULTY
 
 FROM_S, RUNS = 9.0, 200
 TABLE = {"system": "wheels", "scenario": "random", "runs": RUNS}
-LEFT_FAULTY, RIGHT_FAULTY = (1 << (FAULTY + channel) for channel in (fixed.LEFT, fixed.RIGHT))
+LEFT_FAULTY, RIGHT_FAULTY = (1 << (FAULTY + channel) for channel in (fixed_state.LEFT, fixed_state.RIGHT))
 
 
 @cache
@@ -43,7 +43,7 @@ def changed(words: Mapping[str, int], truth: Mapping[str, float], still: bool = 
     for column, number in truth.items():
         known[column][late] = number
     if still:
-        raw[late, fixed.LEFT] = raw[late, fixed.RIGHT] = 0
+        raw[late, fixed_state.LEFT] = raw[late, fixed_state.RIGHT] = 0
     other = Words(record)
     return replace(
         run, words=other, answer=replace(run.answer, words=other), inputs=replace(run.inputs, truth=known, raw=raw)
@@ -56,7 +56,7 @@ DRIVES = {"duty_left_q15": 3000}
 def broken(name: str) -> Run:
     match name:
         case "unasked":
-            return changed({**DRIVES, "stop_reason": fixed.STOP_RIDER}, {})
+            return changed({**DRIVES, "stop_reason": fixed_state.STOP_RIDER}, {})
         case "gone":
             return changed(DRIVES, {"happening": bit(rides.CHATTER)})
         case "lifted":
@@ -65,7 +65,7 @@ def broken(name: str) -> Run:
             return changed(DRIVES, {"velocity_mps": 0.5}, still=True)
         case "good-ride":
             nothing = {"duty_left_q15": 0, "duty_right_q15": 0}
-            return changed({**nothing, "stop_reason": fixed.STOP_SENSORS}, {"happening": bit(rides.KERB)})
+            return changed({**nothing, "stop_reason": fixed_state.STOP_SENSORS}, {"happening": bit(rides.KERB)})
         case "upright":
             return changed({}, {"tilt_deg": 50.0})
         case "fast":
@@ -86,10 +86,10 @@ def test_a_good_ride_keeps_them_all() -> None:
 
 
 def test_what_lies_excuses_what_follows_from_it() -> None:
-    lies = {"happening": float(1 << (FAULTY + fixed.GYRO))}
+    lies = {"happening": float(1 << (FAULTY + fixed_state.GYRO))}
     assert not invariants.violations(changed({}, {**lies, "tilt_deg": 50.0}))
     dead = {"happening": float(LEFT_FAULTY | RIGHT_FAULTY)}
-    stopped = {"stop_reason": fixed.STOP_SENSORS, "duty_left_q15": 0, "duty_right_q15": 0}
+    stopped = {"stop_reason": fixed_state.STOP_SENSORS, "duty_left_q15": 0, "duty_right_q15": 0}
     assert not invariants.violations(changed(stopped, dead))
 
 

@@ -14,7 +14,7 @@ from plumb.boards import native_core
 from plumb.contract.parameters import quantise
 from plumb.physics.sensors import Fault
 from plumb.spec.arrays import BoolArray, FloatArray
-from plumb.systems.wheels import fixed, rides, scenarios
+from plumb.systems.wheels import fixed_state, rides, scenarios
 from plumb.systems.wheels.plant import WheelsPlant
 from plumb.systems.wheels.rides import Happening
 
@@ -86,8 +86,8 @@ def test_both_encoders_that_die_are_noticed_within_half_a_second(seed: int) -> N
     drawn = Drawn(seed)
     kinds = drawn.rng.choice(2, 2)
     ride = drawn.ride(faults=[Fault(KINDS[kinds[0]], LEFT, drawn.at_s), Fault(KINDS[kinds[1]], RIGHT, drawn.at_s)])
-    assert ride.stopped_s(fixed.STOP_SENSORS) < 0.5
-    assert ride.flagged(fixed.ENCODERS).any() and not ride.flagged(fixed.ENCODERS)[~ride.after].any()
+    assert ride.stopped_s(fixed_state.STOP_SENSORS) < 0.5
+    assert ride.flagged(fixed_state.ENCODERS).any() and not ride.flagged(fixed_state.ENCODERS)[~ride.after].any()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -105,7 +105,7 @@ def test_a_kerb_is_not_taken_for_dead_encoders(seed: int) -> None:
     ride = drawn.ride([Happening(rides.KERB, drawn.at_s, number=side)])
     up = np.cumsum(np.abs(ride.tilt_deg) > FELL_DEG) == 0
     reasons = ride.stop_reason.astype(int)[up & ride.after & (ride.time_s < drawn.at_s + 2.0)]
-    assert not (reasons & fixed.STOP_SENSORS).any()
+    assert not (reasons & fixed_state.STOP_SENSORS).any()
     assert (np.abs(ride.velocity_mps[ride.after]) < 0.1).any()
 
 
@@ -113,8 +113,8 @@ def test_a_kerb_is_not_taken_for_dead_encoders(seed: int) -> None:
 def test_a_vehicle_that_is_lifted_stops_within_two_seconds(seed: int) -> None:
     drawn = Drawn(300 + seed)
     ride = drawn.ride([Happening(rides.LIFT, drawn.at_s, size=float(drawn.rng.uniform(-10.0, 10.0)))])
-    assert ride.stopped_s(fixed.STOP_SENSORS) < 2.0
-    assert ride.flagged(fixed.LIFTED).any() and not ride.flagged(fixed.LIFTED)[~ride.after].any()
+    assert ride.stopped_s(fixed_state.STOP_SENSORS) < 2.0
+    assert ride.flagged(fixed_state.LIFTED).any() and not ride.flagged(fixed_state.LIFTED)[~ride.after].any()
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -132,8 +132,8 @@ def test_an_accelerometer_that_is_stuck_drives_nobody_away(seed: int) -> None:
     drawn = Drawn(500 + seed)
     drawn.changes_s, drawn.speeds[1], drawn.slope_deg = drawn.at_s, 0.0, 0.0
     ride = drawn.ride(faults=[Fault(KINDS[seed % 3], (ACCEL_X, ACCEL_Z)[seed // 3], drawn.at_s)])
-    stopped_s = ride.stopped_s(fixed.STOP_SENSORS)
-    assert 2.0 < stopped_s < 2.3 and ride.flagged(fixed.ACCEL_STILL).any()
+    stopped_s = ride.stopped_s(fixed_state.STOP_SENSORS)
+    assert 2.0 < stopped_s < 2.3 and ride.flagged(fixed_state.ACCEL_STILL).any()
     drives = (ride.time_s > drawn.at_s + 1.0) & (ride.time_s < drawn.at_s + stopped_s)
     assert np.abs(ride.velocity_mps[drives]).max() < 0.5 and np.abs(ride.tilt_deg[drives]).max() < 15.0
 
@@ -142,4 +142,7 @@ def test_an_accelerometer_that_is_stuck_drives_nobody_away(seed: int) -> None:
 def test_a_switch_that_chatters_from_the_start_is_no_rider(seed: int) -> None:
     drawn = Drawn(600 + seed)
     ride = drawn.ride([Happening(rides.CHATTER, 0.0, number=int(drawn.rng.integers(rides.CHATTER_MS)))])
-    assert set(ride.stop_reason.astype(int).tolist()) <= {fixed.STOP_RIDER, fixed.STOP_RIDER | fixed.STOP_FALLEN}
+    assert set(ride.stop_reason.astype(int).tolist()) <= {
+        fixed_state.STOP_RIDER,
+        fixed_state.STOP_RIDER | fixed_state.STOP_FALLEN,
+    }

@@ -13,13 +13,13 @@ from plumb.contract import run_fixed
 from plumb.contract.parameters import quantise
 from plumb.spec import declarations
 from plumb.spec.records import Words
-from plumb.systems.wheels import fixed
+from plumb.systems.wheels import fixed_state
 from plumb.systems.wheels import scenarios as wheels
 
 PARAMS = quantise(wheels.STEERED)
 DECLARED = declarations.system("wheels")
-UP = {"accel_z": 2048, "switches": fixed.MOTORS_ON}
-STOPPED, RIDDEN, STOPPING = fixed.STOPPED, fixed.RIDDEN, fixed.STOPPING
+UP = {"accel_z": 2048, "switches": fixed_state.MOTORS_ON}
+STOPPED, RIDDEN, STOPPING = fixed_state.STOPPED, fixed_state.RIDDEN, fixed_state.STOPPING
 
 
 def run(steps: int, speed: int = 0, *, begun: bool = True, **inputs: npt.ArrayLike) -> Words:
@@ -43,7 +43,7 @@ def run(steps: int, speed: int = 0, *, begun: bool = True, **inputs: npt.ArrayLi
 
 COMMANDS = [command.name for command in DECLARED.step_commands]
 ABSENT, STOPS = PARAMS["wheels.absent_steps"], PARAMS["wheels.stopping_steps"]
-TAKES = -(-ABSENT // fixed.CLOSED_TAKES)
+TAKES = -(-ABSENT // fixed_state.CLOSED_TAKES)
 """Closed steps after which somebody rides."""
 
 
@@ -121,7 +121,7 @@ def test_who_steers(inputs: Mapping[str, int], speed: int, asked: tuple[float, f
 
 def test_switched_off_no_integral_grows_and_no_rider_is_missed() -> None:
     switches = np.zeros(80)
-    switches[60:] = fixed.MOTORS_ON
+    switches[60:] = fixed_state.MOTORS_ON
     words = run(len(switches), switches=switches, receiver=1 + np.arange(80), pitch=16384, yaw=16384, accel_x=-300)
     off, on = slice(0, 60), slice(60, None)
     for name in ("phase", "stop_reason", "duty_left_q15", "duty_right_q15", "asked_mps_q26", "turn_integral_q30"):
@@ -136,7 +136,7 @@ def test_a_silent_receiver_is_lost_and_heard_again() -> None:
     number = np.full(lost_steps + 20, 9)
     number[-5:] = 10
     words = run(len(number), pitch=32767, receiver=number)
-    lost = (words["flags"] & fixed.LOST) != 0
+    lost = (words["flags"] & fixed_state.LOST) != 0
     assert lost.tolist() == [False] * lost_steps + [True] * 15 + [False] * 5
     assert (words["asked_mps_q26"] == 0).tolist() == lost.tolist()
 
@@ -146,7 +146,7 @@ def test_a_slipping_wheel_is_not_believed() -> None:
     left, right = 4 * steps, 4 * steps
     left = left + np.cumsum(np.where(steps >= 30, 40, 0))
     words = run(60, left=left, right=right)
-    slips = (words["flags"] & fixed.SLIPS) != 0
+    slips = (words["flags"] & fixed_state.SLIPS) != 0
     assert not slips[:30].any() and slips[30:].all()
     assert words["sum_counts"].tolist() == [0] + [8] * 59
     assert not np.ptp(words["turn_bias_turnps_q28"][30:])
@@ -166,7 +166,7 @@ def test_turning_gets_what_balance_leaves() -> None:
     words = run(400, yaw=32767, accel_x=np.where(np.arange(400) < 200, -100, -1500))
     duty, most = np.abs(words["duty_q15"]), PARAMS["drive.duty_max_q15"]
     turn = (words["duty_right_q15"] - words["duty_left_q15"]) // 2
-    drives = (words["flags"] & fixed.DRIVES) != 0
+    drives = (words["flags"] & fixed_state.DRIVES) != 0
     assert drives.any() and (np.abs(turn)[drives] <= np.minimum(most - duty, 13107)[drives]).all()
     assert (duty[drives] == most).any() and not turn[drives & (duty == most)].any()
     assert (np.abs(words["duty_left_q15"]) <= most).all() and (np.abs(words["duty_right_q15"]) <= most).all()

@@ -6,10 +6,6 @@ the C would be undefined, or compute something else.
 
 from __future__ import annotations
 
-from typing import Any
-
-Integer = Any  # Any: an int; the systems that say so still come to say int
-
 INT32_MIN, INT32_MAX, UINT32_MAX = -(1 << 31), (1 << 31) - 1, (1 << 32) - 1
 INT64_MIN, INT64_MAX = -(1 << 63), (1 << 63) - 1
 
@@ -90,11 +86,3 @@ def sat_shl_hi(x: int, n: int) -> int:
     limit = 0x80000000 >> n
     hi = clamp(x >> 32, -limit, limit - 1)
     return wrap_i32(((hi << 32) + wrap_u32(x)) >> (32 - n))
-
-
-def mul(a: int, b: int) -> int:
-    return (a * b) >> 32
-
-
-def select(condition: Any, yes: Any, no: Any) -> Any:  # Any: an int, or a whole quaternion
-    return yes if condition else no

@@ -17,7 +17,7 @@ from plumb.proof.moments import behind
 from plumb.proof.runs import Run
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.systems.wheels import rides
-from plumb.systems.wheels.fixed import GYRO_UP, LEFT, MOTORS_ON, RECEIVER, RIGHT, STOP_SENSORS, SWITCHES
+from plumb.systems.wheels.fixed_state import GYRO_UP, LEFT, MOTORS_ON, RECEIVER, RIGHT, STOP_SENSORS, SWITCHES
 from plumb.systems.wheels.plant import FAULTY
 
 GONE_S, LIFTED_S, DEAD_S, MOVES_MPS, KERB_S, LIE_S, BEHIND_S = 3.0, 2.0, 0.5, 0.1, 2.0, 5.0, 3.0

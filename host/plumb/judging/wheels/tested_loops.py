@@ -19,7 +19,7 @@ from plumb.judging.wheels.sweep import BEGINS_S, straight_ahead
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.records import Words
 from plumb.systems.wheels import quantise
-from plumb.systems.wheels.fixed import DRIVES, LOST, SLIPS
+from plumb.systems.wheels.fixed_state import DRIVES, LOST, SLIPS
 from plumb.systems.wheels.plant import FULL_Q15, WheelsPlant
 from plumb.systems.wheels.tuning import WheelsTuning
 from plumb.tuning.cascade_model import Cascade, CascadeGains

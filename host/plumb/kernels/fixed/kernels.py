@@ -53,11 +53,6 @@ def calibration_apply(p: Params, group: str, raw: int) -> tuple[int, bool]:
     return wrap_i32(used * p[f"{group}.gain"] + p[f"{group}.offset"]), used != raw
 
 
-def calibrate(raw: int, p: Params, group: str) -> tuple[int, int]:
-    value, clamped = calibration_apply(p, group, raw)
-    return value, int(clamped)
-
-
 def tilt_angle(p: Params, accel_y_g_q26: int, accel_z_g_q26: int) -> int:
     """Measured tilt, turn Q32."""
     if p["tilt.mode"] == 0:

@@ -54,7 +54,3 @@ def difference(start: Quaternion, end: Quaternion) -> list[int]:
     w, *vector = product((start[0], -start[1], -start[2], -start[3]), end)
     turns = [(v * INVERSE_PI_Q32 + (1 << 29)) >> 30 for v in vector]
     return [-turn for turn in turns] if w < 0 else turns
-
-
-def chosen(where: int, yes: Quaternion, no: Quaternion) -> Quaternion:
-    return yes if where else no

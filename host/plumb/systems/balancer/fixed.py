@@ -36,12 +36,16 @@ class ControlState:
     pid: PidState = field(default_factory=PidState)
     hall: int = 0
     rate_turnps_q28: int = 0
-    clamped_steps: int = 0
-    fallen: bool = False
+    accel_z_g_q26: int = 0
+    tilt_measured_turn_q32: int = 0
     tilt_turn_q32: int = 0
+    rate_corrected_turnps_q28: int = 0
+    clamped_steps: int = 0
+    duty_q15: int = 0
+    flags: int = 0
+    step: int = 0
     blind: bool = False
     """The accelerometer is not believed, the tilt measured is the one estimated in the step before."""
-    step: int = 0
 
 
 def control_init(p: Params) -> ControlState:
@@ -81,16 +85,18 @@ def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_mps_q2
     gravity_x = accel_x + wheel.accel_g_q26
     c.step += 1
     c.rate_turnps_q28 = rate
+    c.accel_z_g_q26 = accel_z
     if flags:
         c.clamped_steps += 1
 
     variance = kernels.tilt_variance(p, gravity_x, accel_z)
     measured = c.tilt_turn_q32 if c.blind else kernels.tilt_angle(p, gravity_x, accel_z)
+    c.tilt_measured_turn_q32 = measured
 
     kernels.kalman_step(k, p, variance, measured, driving)
     tilt_turn_q32, bias = kernels.kalman_tilt(k), kernels.kalman_bias(k, p)
     c.tilt_turn_q32 = tilt_turn_q32
-    rate_corrected = rate - bias
+    rate_corrected = c.rate_corrected_turnps_q28 = rate - bias
 
     wanted = clamp(setpoint_mps_q26, -p["drive.speed_max_mps_q26"], p["drive.speed_max_mps_q26"])
     kernels.pid_step(speed, p, wanted - wheel.velocity_mps_q26, wheel.accel_g_q26, "speed")
@@ -98,21 +104,21 @@ def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_mps_q2
 
     kernels.pid_step(pid, p, wrap_i32(lean_turn_q32 - tilt_turn_q32), rate_corrected)
 
-    if abs(tilt_turn_q32) > p["drive.fall_turn_q32"]:
-        c.fallen = True
+    fallen = c.flags & FLAG_FALLEN != 0 or abs(tilt_turn_q32) > p["drive.fall_turn_q32"]
     duty = ((pid.command_q22 >> 6) * p["drive.span_q15"] + (1 << 15)) >> 16
-    duty_q15 = 0 if c.fallen else clamp(duty, -p["drive.duty_max_q15"], p["drive.duty_max_q15"])
+    c.duty_q15 = 0 if fallen else clamp(duty, -p["drive.duty_max_q15"], p["drive.duty_max_q15"])
     if wanted != setpoint_mps_q26:
         flags |= FLAG_SETPOINT_CLAMPED
     if speed.excess_q22 != 0:
         flags |= FLAG_LEAN_LIMITED
     if pid.excess_q22 != 0:
         flags |= FLAG_COMMAND_LIMITED
-    if c.fallen:
+    if fallen:
         flags |= FLAG_FALLEN
+    c.flags = flags
     return (
         *raw, setpoint_mps_q26, rate, accel_x, accel_z, *wheel.words(), gravity_x, measured, variance, *k.words(),
-        tilt_turn_q32, bias, rate_corrected, c.clamped_steps, *speed.words(), *pid.words(), lean_turn_q32, duty_q15,
+        tilt_turn_q32, bias, rate_corrected, c.clamped_steps, *speed.words(), *pid.words(), lean_turn_q32, c.duty_q15,
         flags, c.step,
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from plumb.systems.balancer import vehicle as one_motor
 from plumb.systems.balancer.scenarios import PUSH_S
 from plumb.systems.steered import Controls, Drawing, Event, Quaternion, Reading, Seen, Shape
 from plumb.systems.wheels import rides, scenarios
-from plumb.systems.wheels.fixed import RIDDEN, STOPPED, STOPPING
+from plumb.systems.wheels.fixed_state import RIDDEN, STOPPED, STOPPING
 from plumb.systems.wheels.plant import TAKEN, Duties, WheelsPlant
 from plumb.systems.wheels.vehicle import GRID_S, GRIP, RADIUS_M, TRACK_M, Outside
 
