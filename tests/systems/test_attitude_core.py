@@ -16,7 +16,7 @@ from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.compare import first_divergence
 from plumb.proof.golden_recipe import WILD
 from plumb.spec import declarations
-from plumb.spec.records import Words
+from plumb.spec.records import RECORDS, Words
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.tuning import AttitudeTuning, Motion, Mounting, Rest
 from support.each_run import run_each
@@ -85,6 +85,24 @@ def test_wild_runs_agree_in_every_bit() -> None:
     model = run_each(params, raw, setpoint)
     assert first_divergence(model, native_core.run_control(params, raw, setpoint)) is None
     assert np.bitwise_or.reduce(model["flags"], axis=None) == ALL_FLAGS
+
+
+@pytest.mark.parametrize("limit", [1 << 30, -(1 << 30)])
+def test_largest_correction_of_a_bias_at_its_limit_keeps_it_there(limit: int) -> None:
+    """Their sum does not fit 32 bits. Both are written into the states of both hands, where the block has ended."""
+    params, rest = quantise(QUICK), (0, 0, 0, 0, 0, ONE_G)
+    core, model = native_core.Controller(params), run_fixed.Controller(params)
+    blocks = 0
+    while blocks < 6:
+        core.step(rest, 0)
+        blocks += model.step(rest, 0)["block_step"] == 0
+    words, size = core._memory.view(np.int32), RECORDS["attitude"].itemsize // 4
+    assert words[:size].tobytes() == model.record(), "the state begins with the record; the covariance has 55 words"
+    words[RECORDS["attitude"].fields["bias_turnps_q32_0"][1] // 4] = limit
+    words[size + 55] = limit + limit - (limit > 0)
+    model._c.bias_turnps_q32[0], model._c.errors.correction_q28[0] = limit, limit + limit - (limit > 0)
+    assert core.step(rest, 0) == model.step(rest, 0)
+    assert model._c.bias_turnps_q32[0] == limit
 
 
 @pytest.mark.parametrize("period_us", [1_000, 3_500, 21_000], ids=["1000Hz", "286Hz", "48Hz"])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from plumb.kernels.fixed.kernels import Params
-from plumb.kernels.integers import Integer, clamp, select
+from plumb.kernels.integers import clamp
 
 COUNT_MAX, ASKED_MAX, FLOWING_A, WHOLE_Q30 = 4095, 64 << 20, 1 << 17, 1 << 30
 OVER_STEPS, OVER_LIMIT = 3, 1000
@@ -14,8 +14,8 @@ OVER_STEPS, OVER_LIMIT = 3, 1000
 
 @dataclass(slots=True)
 class ControlState:
-    integral_q30: Integer = 0
-    over_steps: Integer = 0
+    integral_q30: int = 0
+    over_steps: int = 0
     step: int = 0
 
 
@@ -35,7 +35,7 @@ def control_valid(p: Params) -> bool:
     return all(low <= p[f"current.{name}"] <= high for name, (low, high) in ranges.items())
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: Integer) -> tuple[Integer, ...]:
+def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step: the values of its words, in the written order."""
     c.step += 1
     used, most = clamp(raw[0], 0, COUNT_MAX), p["current.duty_max_q15"]
@@ -44,7 +44,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     risen = clamp(p["current.ki_q30"] * error >> 20, -WHOLE_Q30, WHOLE_Q30)
     c.integral_q30 = clamp(c.integral_q30 + risen, 1 - WHOLE_Q30, WHOLE_Q30 - 1)
     duty = clamp((p["current.kp_q15"] * error >> 20) + (c.integral_q30 >> 15), -most, most)
-    c.over_steps = select(abs(current) > p["current.trip_a_q20"], clamp(c.over_steps + 1, 0, OVER_LIMIT), 0)
-    flags = select((used == 0) | (used == COUNT_MAX), 1, 0)
-    flags = flags + select(c.over_steps >= OVER_STEPS, 2, 0) + select(abs(current) > FLOWING_A, 4, 0)
+    c.over_steps = min(c.over_steps + 1, OVER_LIMIT) if abs(current) > p["current.trip_a_q20"] else 0
+    flags = 1 if used in (0, COUNT_MAX) else 0
+    flags |= (2 if c.over_steps >= OVER_STEPS else 0) | (4 if abs(current) > FLOWING_A else 0)
     return (*raw, setpoint, current, error, c.integral_q30, duty, c.over_steps, flags, c.step)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from plumb.kernels.fixed.kernels import Params
-from plumb.kernels.integers import Integer, clamp, select, wrap_i32
+from plumb.kernels.integers import clamp, wrap_i32
 
 FAR = 1 << 24
 Y, Z_LOW, Z_HIGH = range(6, 9)
@@ -15,7 +15,7 @@ Y, Z_LOW, Z_HIGH = range(6, 9)
 
 @dataclass(slots=True)
 class ControlState:
-    path: list[Integer] = field(default_factory=lambda: [0, 0, 0])
+    path: list[int] = field(default_factory=lambda: [0, 0, 0])
     step: int = 0
 
 
@@ -27,7 +27,7 @@ def control_valid(p: Params) -> bool:
     return bool(1 <= p["gantry.step_counts"] <= 32767)
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: Integer) -> tuple[Integer, ...]:
+def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step: the values of its words, in the written order."""
     c.step += 1
     asked = (setpoint, raw[Y], wrap_i32((raw[Z_HIGH] << 16) + (raw[Z_LOW] & 0xFFFF)))
@@ -36,5 +36,5 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
         path + clamp(clamp(place, -FAR, FAR) - path, -most, most) for path, place in zip(c.path, asked, strict=True)
     ]
     apart = [path - raw[i] for i, path in enumerate(c.path)]
-    there = [place == path for place, path in zip(asked, c.path, strict=True)]
-    return (*raw, setpoint, *c.path, *apart, select(there[0] & there[1] & there[2], 1, 0), c.step)
+    flags = 1 if asked == tuple(c.path) else 0
+    return (*raw, setpoint, *c.path, *apart, flags, c.step)
