@@ -1,5 +1,5 @@
 """The filter that fuses a gyro with an angular accelerometer in integers, written from
-docs/reference/arithmetic/turntable.md; the functions have the names of firmware/core/fusion.c."""
+the pages of docs/reference/arithmetic; the functions have the names of firmware/core/fusion.c."""
 
 from __future__ import annotations
 
