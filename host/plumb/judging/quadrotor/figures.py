@@ -158,7 +158,7 @@ def _back_s(lean_deg: FloatArray) -> FloatArray:
 
 def _lost_m(flown: Flown, begin_s: float) -> FloatArray:
     """The height that each run loses from a time of its course on."""
-    return np.asarray(courses.HEIGHT_M - flown.around(flown.height_m, begin_s).min(axis=0))
+    return np.asarray(np.maximum(courses.HEIGHT_M - flown.around(flown.height_m, begin_s).min(axis=0), 0.0))
 
 
 def tip(seeds: Iterable[int]) -> Iterator[Figure]:
