@@ -26,7 +26,7 @@ EVERY: tuple[tuple[int, ...], ...] = ((0,), (1,), (2,), ALL)
 SHARED: dict[str, tuple[tuple[int, ...], ...]] = {GYRO: ((1,), ALL), ACCEL: ((0,), ALL)}
 """Axes that every system has, by sensor."""
 FLICKERS_S = (0.1, 0.2)
-"""From one visit at the rail to the next, by variant; each lasts for one sample."""
+"""From one visit at the rail to the next, by variant; each is in one reading of the board or in two."""
 SILENT_S = 0.045
 RANGES = {
     Mpu6050.NAME: {GYRO: mpu6050.GYRO_CONFIG, ACCEL: mpu6050.ACCEL_CONFIG},
@@ -65,11 +65,12 @@ def at_rail(which: str, axes: Sequence[Sequence[int]]) -> Action:
 
 
 def flickers(which: str, axes: Sequence[Sequence[int]]) -> Action:
-    """An axis is at its rail in one sample, again and again."""
+    """An axis is at its rail for a moment, again and again. The chip samples by a clock of its own: a visit that is
+    shorter than a period of the board and one of the chip may lie between two readings."""
 
     def inject(scene: Scene) -> None:
-        every_s, sample_s = FLICKERS_S[scene.variant], scene.period_s
-        lies(which, axes[0], lambda at, time_s: FAR if time_s % every_s < sample_s else at)(scene)
+        every_s, visit_s = FLICKERS_S[scene.variant], scene.period_s + getattr(scene.coupling, which).period_s()
+        lies(which, axes[0], lambda at, time_s: FAR if time_s % every_s < visit_s else at)(scene)
 
     return inject
 
@@ -125,7 +126,7 @@ def _rows(which: str, axes: Sequence[Sequence[int]]) -> tuple[Fault, ...]:
     return (
         Fault(f"{which}-axis-at-rail", "sensors", f"an axis of the {name}, or all, at its rail, the other sensor lives",
               at_rail(which, axes), "rail", (DISARMED, limit), CHIPS, variants=len(axes)),
-        Fault(f"{which}-axis-flickers", "sensors", f"an axis of the {name} is at its rail in one sample now and then",
+        Fault(f"{which}-axis-flickers", "sensors", f"an axis of the {name} is at its rail for a moment now and then",
               flickers(which, axes), "flicker", (DISARMED, limit), CHIPS, variants=len(FLICKERS_S)),
         Fault(f"{which}-axis-frozen", "sensors", f"an axis of the {name}, or all, keeps its value, the other sensor"
               " lives", stands(which, axes), "sensor", (DISARMED, still), CHIPS, variants=len(axes)),

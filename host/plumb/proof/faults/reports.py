@@ -37,8 +37,7 @@ class Told:
 
     mask: at least one of these bits must be set; with 0, a counter must have changed, or another signal must not be 0.
     field: these bits hold one number, which must be that of the mask. choice: instead of a mask, the DBC's name of the
-    value. value: instead of a mask, exactly this value. passes: all
-    bits of the mask must be 0 again later on.
+    value. value: instead of a mask, exactly this value. passes: all bits of the mask must be 0 again later on.
     """
 
     frame: str

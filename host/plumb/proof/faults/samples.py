@@ -10,10 +10,10 @@ from plumb.link.sample_codec import layout_of
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.sample_source import Source
-from plumb.proof.faults.scene import SEED, Scene, arm, noise
+from plumb.proof.faults.scene import SEED, Scene, arm, command, noise
 from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
-from plumb.systems.contracts import PINS
+from plumb.systems.contracts import PINS, CommandedPins
 
 CAUSE = Told("EVENTS", "disarm_cause", 1 << 7)
 LOST = Told("COUNTERS", "lost")
@@ -21,6 +21,8 @@ NOISE_LSB = 1.5
 """Noise of a sensor channel, so that it does not count as stuck; a counter at rest has none."""
 SETPOINT = 1 << 24
 """1.4 degrees, as a binary angle: the outputs leave neutral."""
+STARTS_S, READY_S = 0.1, 5.0
+"""Of the samples before the board's word counts; longest time until the board is ready to be armed."""
 DRIVING_S = 0.3
 GAP_S = 0.04
 """Two samples this far apart keep the board armed."""
@@ -39,6 +41,11 @@ def source_of(scene: Scene) -> Source:
     return scene.source
 
 
+def is_ready(scene: Scene) -> bool:
+    """Whether the board misses nothing for being armed."""
+    return scene.session.telemetry.get("PLAUSIBILITY", {}).get("missing") == 0
+
+
 def injected(scene: Scene) -> None:
     """Begin a run on injected samples, arm, and send setpoints. The samples are those of the vehicle at the start of
     its scenario."""
@@ -50,9 +57,13 @@ def injected(scene: Scene) -> None:
     still = [(int(count), NOISE_LSB if channel.calibration else 0.0) for channel, count in measured]
     scene.session.begin("REALTIME_INJECTED", frames=parts.FRAMES)
     scene.source = Source(at_rest(still), layout_of(scene.name), table["period_us"] * 1e-6, scene.now_s)
-    scene.run(0.1)
+    scene.run(STARTS_S)
+    scene.run_until(lambda: is_ready(scene), READY_S)  # while the session waits by itself, no samples are sent
     arm(scene)
-    scene.session.set_setpoint(SETPOINT)
+    if isinstance(scene.live, CommandedPins):
+        command(scene)
+    else:
+        scene.session.set_setpoint(SETPOINT)
     scene.run(DRIVING_S)
 
 
