@@ -148,7 +148,6 @@ USED_CHECKS = {
     "AXIS": ("of one tilted axis", (AXIS, RIDE)),
     "RIDE": ("of why the step has stopped the motors", (RIDE,)),
     "FLIGHT": ("of a vehicle that flies", (FLIGHT,)),
-    "OWN": ("by flags of the step", (OWN,)),
 }
 """Checks of an output -> what they are, and the declared `checks` that need them."""
 
@@ -195,6 +194,9 @@ def system_headers_h(built: Iterable[System]) -> str:
         "",
         "/* Whether a system of this image learns what SAVE keeps. */",
         f"#define CONTROL_LEARNS {int(any(system.learned for system in built))}",
+        "",
+        "/* 1 when a system of this image checks its output by flags of its step. */",
+        f"#define CONTROL_CHECKS_OWN {int(any(system.checks == OWN for system in built))}",
         "",
         "/* The largest record of any system, in words. */",
         "typedef union {",

@@ -15,6 +15,9 @@
 /* Whether a system of this image learns what SAVE keeps. */
 #define CONTROL_LEARNS 1
 
+/* 1 when a system of this image checks its output by flags of its step. */
+#define CONTROL_CHECKS_OWN 0
+
 /* The largest record of any system, in words. */
 typedef union {
     plumb_quad_words_t quad;

@@ -17,7 +17,7 @@ static bool rolls(const control_system_t *checked) {
     return USED_CHECKS_RIDE && bounds_of(checked) != NULL && checked->plausibility->stopped != 0;
 }
 
-#if USED_CHECKS_OWN
+#if CONTROL_CHECKS_OWN
 static bool checks_itself(const control_system_t *checked) {
     return checked != NULL && (checked->fails | checked->unready) != 0U;
 }

@@ -13,7 +13,6 @@
 #define PLUMB_SYSTEMS_CONTROL_H
 
 #include "generated/system_headers.h"
-#include "generated/used_parts.h"
 #include "plumb/plausibility.h"
 #include "plumb/takeoff.h"
 #include <stddef.h>
@@ -62,7 +61,7 @@ typedef struct {
     const control_frame_t *frames;
     const plumb_plausibility_bounds_t *plausibility; /* of the checks `axis` and `ride`, else NULL */
     const plumb_takeoff_bounds_t *takeoff;           /* of the checks `flight`, else NULL */
-#if USED_CHECKS_OWN
+#if CONTROL_CHECKS_OWN
     uint32_t fails;   /* flags of the step by which the system's own checks fail */
     uint32_t unready; /* flags of the step by which it is not ready to be armed */
 #endif
