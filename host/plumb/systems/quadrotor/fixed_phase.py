@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.rate_loop import RateLoopState
 from plumb.kernels.integers import clamp, mulhi_i32, wrap_i32
+from plumb.systems.attitude.fixed_state import MAYBE_LANDED_BLOCKS
 
 FLOWN, HELD, LANDING, STOPPED = range(4)
 NO_SAMPLES, ON_ITS_BACK, IDLE, RECEIVER_LOST, UNSURE, RUNAWAY, UPTURNED = (1 << bit for bit in range(7))
@@ -23,9 +24,8 @@ UPRIGHT_Q30 = 1 << 29
 """Cosine of 60 deg."""
 RUNAWAY_RATE_Q28, WATCHED_BLOCKS = 44739243, 8
 """60 deg/s; and the blocks after a take-off in which a runaway stops the rotors."""
-TOUCHED_BLOCKS, MAYBE_LANDED_BLOCKS, TOUCHDOWN_BLOCKS = 2, 8, 20
-"""Blocks in which the ground seems to carry the vehicle: the integrals stay; it may have landed; a landing has
-ended."""
+TOUCHED_BLOCKS, TOUCHDOWN_BLOCKS = 2, 20
+"""Blocks in which the ground seems to carry the vehicle: the integrals stay; a landing has ended."""
 DESCENT_Q28 = 1 << 28
 
 
