@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -14,17 +14,18 @@ from plumb.contract.parameters import ControlParams
 from plumb.proof.compare import first_divergence
 from plumb.spec.records import Words
 
-Counts, Integers = npt.NDArray[np.int16], npt.NDArray[np.int64]
+Inputs: TypeAlias = npt.NDArray[np.signedinteger[Any]]  # Any: counts have 16 bits, setpoints 32, drawn ones 64
+Integers: TypeAlias = npt.NDArray[np.int64]
 
 
-def run_each(params: Sequence[ControlParams], raw: Counts, setpoint: npt.NDArray[np.int32]) -> Words:
+def run_each(params: Sequence[ControlParams], raw: Inputs, setpoint: Inputs) -> Words:
     """As `native_core.run_control` with a set for each run. raw: (steps, inputs, runs); setpoint: (steps, runs)."""
     runs = [run_fixed.run_control(one, raw[:, :, run], setpoint[:, run]) for run, one in enumerate(params)]
     return Words(np.stack([run.record for run in runs], axis=1))
 
 
 def agreed(
-    params: Sequence[ControlParams], raw: Counts, setpoint: npt.NDArray[np.int32], *, begun: int, every: int
+    params: Sequence[ControlParams], raw: Inputs, setpoint: Inputs, *, begun: int, every: int
 ) -> dict[str, Integers]:
     """The words by name in which the model equals the C core: of the first steps, `begun`, of each of the runs, and of
     the whole run of one in `every`."""

@@ -16,8 +16,9 @@ from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.compare import first_divergence
 from plumb.proof.golden_recipe import WILD
 from plumb.spec import declarations
-from plumb.spec.records import RECORDS, Words
+from plumb.spec.records import RECORDS, Words, names_of
 from plumb.systems.attitude import scenarios as attitude
+from plumb.systems.attitude.fixed_state import ControlState
 from plumb.systems.attitude.tuning import AttitudeTuning, Motion, Mounting, Rest
 from support.each_run import run_each
 from support.wild_params import wild_attitude_params
@@ -98,11 +99,13 @@ def test_largest_correction_of_a_bias_at_its_limit_keeps_it_there(limit: int) ->
         blocks += model.step(rest, 0)["block_step"] == 0
     words, size = core._memory.view(np.int32), RECORDS["attitude"].itemsize // 4
     assert words[:size].tobytes() == model.record(), "the state begins with the record; the covariance has 55 words"
-    words[RECORDS["attitude"].fields["bias_turnps_q32_0"][1] // 4] = limit
+    words[names_of("attitude").index("bias_turnps_q32_0")] = limit
     words[size + 55] = limit + limit - (limit > 0)
-    model._c.bias_turnps_q32[0], model._c.errors.correction_q28[0] = limit, limit + limit - (limit > 0)
+    state = model._c
+    assert isinstance(state, ControlState)
+    state.bias_turnps_q32[0], state.errors.correction_q28[0] = limit, limit + limit - (limit > 0)
     assert core.step(rest, 0) == model.step(rest, 0)
-    assert model._c.bias_turnps_q32[0] == limit
+    assert state.bias_turnps_q32[0] == limit
 
 
 @pytest.mark.parametrize("period_us", [1_000, 3_500, 21_000], ids=["1000Hz", "286Hz", "48Hz"])
