@@ -45,6 +45,9 @@ static crsf_event_t kind_of(const crsf_t *c) {
 }
 
 static void drop(crsf_t *c, size_t count) {
+    if (count == 0U) {
+        return; /* nearly every byte of a frame */
+    }
     c->length = (uint8_t)(c->length - count);
     memmove(c->bytes, &c->bytes[count], c->length);
 }
