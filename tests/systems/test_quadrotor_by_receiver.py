@@ -94,7 +94,7 @@ def test_a_pilot_flies_by_receiver_and_the_flight_replays_to_the_bit() -> None:
 
 
 def test_a_receiver_that_is_lost_in_the_air_is_held_then_stopped() -> None:
-    flight = ByReceiver("lost", 10.0)
+    flight = ByReceiver("lost", 12.0)
     phases = flight.state("phase")
     first_held, first_stopped = phases.index(HELD), len(phases) - phases[::-1].index(HELD)
     assert phases[first_stopped] == STOPPED and phases[-1] == STOPPED

@@ -29,6 +29,11 @@ def flown(name: str) -> Flown:
     return fly(name, SEEDS)
 
 
+def spans(course: courses.Course) -> list[tuple[float, float]]:
+    """Begin and end of all that happens, s."""
+    return [(one.begin_s, one.end_s) for one in course.turns] + [(one.begin_s, one.end_s) for one in course.happenings]
+
+
 @pytest.mark.parametrize("name", [name for name, course in courses.COURSES.items() if course.later_s])
 def test_what_happens_comes_at_a_time_that_the_seed_draws(name: str) -> None:
     """Within the stated range, spread over it, and the same for the same seed; nothing else of a run changes."""
@@ -38,8 +43,7 @@ def test_what_happens_comes_at_a_time_that_the_seed_draws(name: str) -> None:
     assert (later >= 0.0).all() and (later < written.later_s).all() and np.ptp(later) > 0.8 * written.later_s
     assert [courses.drawn(name, seed) for seed in range(40)] == runs
     for run, by_s in zip(runs, later.tolist(), strict=True):
-        for one, first in zip((*run.turns, *run.happenings), (*written.turns, *written.happenings), strict=True):
-            assert one.begin_s == first.begin_s + by_s and one.end_s == first.end_s + by_s
+        assert spans(run) == [(begin_s + by_s, end_s + by_s) for begin_s, end_s in spans(written)]
         assert max((one.begin_s for one in run.happenings), default=0.0) < run.seconds - 1.0
     first, second = scenarios.scenario(name, 0, seconds=3.0), scenarios.scenario("calm", 0, seconds=3.0)
     assert np.array_equal(first.noise, second.noise) and np.array_equal(first.imu, second.imu)

@@ -99,7 +99,7 @@ def system(name: str) -> System:
     """The declaration of a system; raises UsageError for an unknown name."""
     declared = systems().get(name)
     if declared is None:
-        meant, known = did_you_mean(name, systems()), ", ".join(systems())
+        meant, known = did_you_mean(str(name), systems()), ", ".join(systems())
         raise UsageError(f"there is no system '{name}'{meant}; this version has {known}")
     return declared
 

@@ -39,7 +39,7 @@ class Coupling:
         return 0.0 if self._start_s is None else max(0.0, now_s - self._start_s)
 
     def _volts(self, now_s: float) -> float:
-        return self.plant.counts(self._time_s(now_s))[0] * VOLTS_PER_COUNT
+        return float(self.plant.counts(self._time_s(now_s))[0]) * VOLTS_PER_COUNT
 
     def _convert(self, now_s: float) -> None:
         if not self._scans.convert(now_s):

@@ -21,7 +21,7 @@ from plumb.systems.wheels.tuning import WheelsTuning
 TURN_DEG, RATE_DPS, DUTY, FALLEN = 360.0 / 2.0**32, 360.0 / 2.0**28, 2.0**-15, 1 << 7
 COAST: Duties = (None, None)
 WORDS = ("tilt_turn_q32", "duty_left_q15", "duty_right_q15", "phase", "flags")
-Columns = Mapping[str, npt.NDArray[Any]]
+Columns = Mapping[str, npt.NDArray[Any]]  # Any: integers of any width
 
 
 @dataclass(frozen=True)

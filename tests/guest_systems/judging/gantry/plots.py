@@ -23,6 +23,7 @@ def metrics(run: Run) -> dict[str, float | None]:
 
 def plots(run: Run, *, closed: bool) -> list[Plot]:
     lines = [
-        Line(name, run.board_words[f"path_{name}_counts"], colour) for name, colour in zip("xyz", COLOURS, strict=True)
+        Line(name, run.board_words[f"path_{name}_counts"].astype(float), colour)
+        for name, colour in zip("xyz", COLOURS, strict=True)
     ]
     return [Plot("Slides", "count", run.inputs.time_s, lines)]
