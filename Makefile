@@ -20,9 +20,9 @@ demo: ## the main job, without hardware: loop, golden vectors, report
 setup: ## install what the tests need, where it is missing
 	@tools/setup.sh test
 
-# Two workers per core, because many tests wait; one that has nothing left takes tests from another. A skip that tests/conftest.py does not allow fails.
-# Python keeps what it has compiled, whatever the environment says: the tests start it some hundred times. Their matrices are
-# small: threads of numpy's library would wait for each other beside the workers.
+# Two workers per core, because many tests wait; one that has nothing left takes tests from another. A skip that
+# tests/conftest.py does not allow fails. Python keeps what it has compiled, whatever the environment says: the tests start
+# it some hundred times. Their matrices are small: threads of numpy's library would wait for each other beside the workers.
 WORKERS := $(shell expr 2 \* $$(nproc))
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 PLUMB_NO_SKIPS=1 $(VENV)/python -m pytest -n $(WORKERS) --dist worksteal
 
