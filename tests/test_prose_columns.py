@@ -41,6 +41,7 @@ def test_long_prose_is_broken_and_keeps_its_indent(tool: ModuleType, first: str)
     [
         f"| {LONG} |", f"# {LONG}", f"```\n{LONG}\n```", f"text\n\n    {LONG}", f"<!-- {LONG} -->", f"> {LONG}",
         f"---\ntitle: {LONG}\n---", f"one\\\n{LONG}", f"`{LONG}`", f"[a]({LONG.replace(' ', '_')})",
+        f"- item\n\n<!-- mark -->\n\n    {LONG}",
     ],
 )  # fmt: skip
 def test_what_is_no_prose_stays(tool: ModuleType, text: str) -> None:

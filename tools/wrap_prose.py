@@ -52,6 +52,8 @@ def blocks(lines: list[str]) -> Iterator[Block]:
             elif begun and fence == begun[1]:
                 fence = ""
             front_matter = front_matter and not (at > 0 and line == "---")
+            while line.strip() and len(inside) > 1 and indent < inside[-1]:
+                inside.pop()  # a comment or a heading at the margin ends a list
             after_blank = not line.strip()
             yield [line], False
             continue
