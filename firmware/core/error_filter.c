@@ -64,7 +64,7 @@ SMALL void plumb_error_filter_predict(plumb_error_filter_t *e) {
     add(&by[VELOCITY + 1], -mulhi_near(lever, by[TILT]));
 }
 
-void plumb_error_filter_grow_velocity(plumb_error_filter_t *e) {
+SELDOM_CALLED void plumb_error_filter_grow_velocity(plumb_error_filter_t *e) {
     int32_t *const covariance = e->covariance_q32;
     const int32_t lever = e->half_lever_q32;
     int32_t *const tilt_x = row_of(covariance, TILT), *const tilt_y = row_of(covariance, TILT + 1);
