@@ -72,9 +72,10 @@ SELDOM void correct(plumb_attitude_t *c) {
     plumb_error_filter_predict(&c->errors);
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t bias = (int32_t)asr64(mul_i64(by[BIAS + i], TWO_BY_PI_Q31) + (1 << 30), 31);
-        const int32_t change = clamp_i32(bias, -BIAS_LIMIT_Q32, BIAS_LIMIT_Q32);
-        w->bias_turnps_q32[i] =
-            (int32_t)within_i64((int64_t)w->bias_turnps_q32[i] + change, BIAS_LIMIT_Q32); /* 2^31 and more */
+        const int32_t now =
+            w->bias_turnps_q32[i]; /* a sum with both at the limit does not fit into 32 bits */
+        const int32_t down = -BIAS_LIMIT_Q32 - (now < 0 ? now : 0), up = BIAS_LIMIT_Q32 - (now > 0 ? now : 0);
+        w->bias_turnps_q32[i] = now + clamp_i32(bias, down, up);
         w->scale_q32[i] =
             clamp_i32(w->scale_q32[i] + asr32(by[SCALE + i], 2), -SCALE_LIMIT_Q32, SCALE_LIMIT_Q32);
     }

@@ -5,7 +5,6 @@
 #include "app/board_sensors.h"
 #include "battery_adc.h"
 #include "bridge.h"
-#include "build_id.h"
 #include "bxcan.h"
 #include "clock.h"
 #include "core/digest.h"
@@ -14,6 +13,7 @@
 #include "generated/used_parts.h"
 #include "guard.h"
 #include "i2c.h"
+#include "image_header.h"
 #include "linker.h"
 #include "motors.h"
 #include "pins.h"
@@ -48,9 +48,9 @@ static void identify(void) {
     const bool high_density = identity.flash_kib > 128u;
     identity.part_id = high_density ? 0x414u : 0x410u;
     identity.ram_kib = high_density ? (identity.flash_kib > 256u ? 64u : 48u) : 20u;
-    identity.git_hash[0] = BUILD_GIT_HASH_HIGH;
-    identity.git_hash[1] = BUILD_GIT_HASH_LOW;
-    identity.git_dirty = BUILD_GIT_DIRTY;
+    identity.git_hash[0] = image_header.git_hash[0];
+    identity.git_hash[1] = image_header.git_hash[1];
+    identity.git_dirty = image_header.git_dirty;
 }
 
 /* Finds an image that was not flashed correctly, before anything can be armed. */

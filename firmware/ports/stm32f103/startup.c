@@ -1,11 +1,10 @@
-/* From reset to the loop: interrupts and their vector table, image header, initial memory. */
+/* From reset to the loop: interrupts and their vector table, initial memory. */
 #include "adc.h"
 #include "app/board.h"
 #include "app/board_actuators.h"
 #include "app/loop.h"
 #include "bootloader.h"
 #include "bridge.h"
-#include "build_id.h"
 #include "bxcan.h"
 #include "faults.h"
 #include "generated/used_parts.h"
@@ -102,27 +101,6 @@ __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60
     /* 50 */ F, F, F, F, F, F, F, F, F, F,
 };
 // clang-format on
-
-/* Follows the vector table, at 0x130. The image's last word, behind everything that gets flashed, is the
- * CRC-32 of all bytes before it; tools/finish_image.py writes it. */
-typedef struct {
-    uint32_t magic;
-    uint32_t family; /* what the image runs on */
-    uint32_t bytes;  /* of the image, CRC included */
-    uint32_t git_hash[2];
-    uint32_t git_dirty;
-    uint32_t reserved[2];
-} image_header_t;
-
-__attribute__((section(".image_header"), used)) static const image_header_t image_header = {
-    .magic = 0x626d6c70u, /* "plmb" */
-    .family = 0x103u,
-    .bytes = (uint32_t)(uintptr_t)image_bytes,
-    .git_hash = {BUILD_GIT_HASH_HIGH, BUILD_GIT_HASH_LOW},
-    .git_dirty = BUILD_GIT_DIRTY,
-};
-
-__attribute__((section(".image_crc"), used)) static const uint32_t image_crc = 0xffffffffu;
 
 /* ---- reset ---- */
 
