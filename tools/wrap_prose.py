@@ -23,8 +23,8 @@ ITEM = re.compile(r"(\s*)((?:[-*+]|\d+\.)\s+)\S")
 FENCE = re.compile(r"\s*(```|~~~)")
 NO_PROSE = re.compile(r"\s*(#|\||<(?!a )|>|!!!|---$|\[\^?[^\]]+\]:)")
 """Headings, tables, HTML but an anchor in a line, quotations, admonitions, rules, definitions of links."""
-ATOM = re.compile(r"(?:`[^`]*`|\]\([^)]*\)|\S)+")
-"""A word; code and the address of a link have no place to break at."""
+ATOM = re.compile(r"(?:`[^`]*`|!\[[^\]]*\]\([^)]*\)|\]\([^)]*\)|\S)+")
+"""A word; code, a picture and the address of a link have no place to break at."""
 MARKUP = re.compile(r"(?:[-*+>|#=]|\d+[.)])")
 """A word that would begin a list, a quotation, a table or a heading if it began a line."""
 
