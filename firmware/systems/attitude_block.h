@@ -72,8 +72,8 @@ SELDOM void correct(plumb_attitude_t *c) {
     plumb_error_filter_predict(&c->errors);
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t bias = (int32_t)asr64(mul_i64(by[BIAS + i], TWO_BY_PI_Q31) + (1 << 30), 31);
-        const int32_t now =
-            w->bias_turnps_q32[i]; /* a sum with both at the limit does not fit into 32 bits */
+        /* Bias and correction may both be at the limit: their sum does not fit into 32 bits. */
+        const int32_t now = w->bias_turnps_q32[i];
         const int32_t down = -BIAS_LIMIT_Q32 - (now < 0 ? now : 0), up = BIAS_LIMIT_Q32 - (now > 0 ? now : 0);
         w->bias_turnps_q32[i] = now + clamp_i32(bias, down, up);
         w->scale_q32[i] =

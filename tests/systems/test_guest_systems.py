@@ -98,6 +98,24 @@ def test_a_condition_of_its_own_refuses_arming(guests: Plumb) -> None:
     assert "it is not ready to be armed; current flows: wait until the motor is at rest" in said
 
 
+SETPOINT_FIRST = """
+import sys, plumb
+with plumb.connect("virtual", system="current", image=sys.argv[1]) as board:
+    list(board.stream(seconds=0.2))
+    board.set_setpoint(0.5)
+    list(board.stream(seconds=0.05))
+    try:
+        board.arm()
+    except plumb.PlumbError as refused:
+        print(refused)
+"""
+
+
+def test_a_setpoint_refuses_arming_by_its_own_checks(guests: Plumb) -> None:
+    said = guests.run(guests.python, "-c", SETPOINT_FIRST, str(guests.image)).stdout
+    assert "the setpoint is not 0" in said
+
+
 def test_limits_are_of_its_main_figure(guests: Plumb, tmp_path: Path) -> None:
     """Of those that have one: measured by the tool that measures angles, in the unit that it declares."""
     shutil.copytree(GUESTS, tmp_path, dirs_exist_ok=True)
