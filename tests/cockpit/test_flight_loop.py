@@ -98,7 +98,7 @@ def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: TripBenc
 
 
 def test_only_the_page_that_holds_the_vehicle_is_heard(bench: TripBench) -> None:
-    bench.loop.hear(PILOT + 1, Sticks(roll=1.0, on=True))
+    bench.loop.accept_sticks(PILOT + 1, Sticks(roll=1.0, on=True))
     bench.turn(0.1)
     assert not bench.loop.state["heard"]
     assert "does not hold" in str(bench.order("run", page=PILOT + 1)["text"])

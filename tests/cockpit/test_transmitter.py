@@ -19,8 +19,8 @@ def frames_of(radio: Transmitter, begin_ms: int, end_ms: int) -> bytes:
 
 def test_the_receiver_hears_150_frames_a_second_with_the_newest_sticks() -> None:
     radio = Transmitter(lambda: 0.0)
-    radio.hear(Sticks())
-    radio.hear(Sticks(roll=1.0, yaw=-1.0, throttle=0.5, on=True))
+    radio.accept_sticks(Sticks())
+    radio.accept_sticks(Sticks(roll=1.0, yaw=-1.0, throttle=0.5, on=True))
     rows = by_twin(frames_of(radio, 0, 1000))
     assert len(rows) == 150
     throttle, roll, pitch, yaw, switches, number = rows[-1].words
@@ -32,14 +32,14 @@ def test_a_page_that_falls_silent_is_a_lost_receiver() -> None:
     wall = Wall()
     radio = Transmitter(lambda: wall.now_s)
     assert not radio.heard and not frames_of(radio, 0, 100), "before a page has spoken"
-    radio.hear(Sticks())
-    radio.hear(Sticks(on=True))
+    radio.accept_sticks(Sticks())
+    radio.accept_sticks(Sticks(on=True))
     wall.now_s = transmitter.LOST_S
     assert radio.heard and frames_of(radio, 100, 200)
     wall.now_s = transmitter.LOST_S + 1e-3
     assert not radio.heard and not frames_of(radio, 200, 300)
     assert radio.sticks.on, "the receiver keeps what it heard last"
-    radio.hear(Sticks())
+    radio.accept_sticks(Sticks())
     assert radio.heard and frames_of(radio, 300, 400)
     assert not radio.sticks.on
 
@@ -47,16 +47,16 @@ def test_a_page_that_falls_silent_is_a_lost_receiver() -> None:
 def test_the_rotors_are_off_until_the_page_has_said_so() -> None:
     radio = Transmitter(lambda: 0.0)
     for begin_ms, sticks, on in ((0, Sticks(on=True), False), (100, Sticks(), False), (200, Sticks(on=True), True)):
-        radio.hear(sticks)
+        radio.accept_sticks(sticks)
         assert frames_of(radio, begin_ms, begin_ms + 100) and radio.sticks.on is on
     radio.off = True
-    radio.hear(Sticks(on=True))
+    radio.accept_sticks(Sticks(on=True))
     assert frames_of(radio, 300, 400) and not radio.sticks.on, "a stop is not undone by the next message"
 
 
 def test_silence_on_request_ends_by_itself() -> None:
     radio = Transmitter(lambda: 0.0)
-    radio.hear(Sticks())
+    radio.accept_sticks(Sticks())
     assert frames_of(radio, 0, 100)
     radio.silence(0.2)
     assert radio.silenced and not frames_of(radio, 100, 290)

@@ -39,7 +39,7 @@ class TripBench:
     def turn(self, seconds: float, **sticks: float | bool) -> None:
         """Let time of the trip pass with these sticks; without any the pilot says nothing."""
         if sticks:
-            self.loop.hear(PILOT, Sticks(**sticks))  # type: ignore[arg-type]
+            self.loop.accept_sticks(PILOT, Sticks(**sticks))  # type: ignore[arg-type]
         end_s = self.loop._session.clock() + seconds
         while self.loop._session.clock() < end_s:
             self.loop.turn()

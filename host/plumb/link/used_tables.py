@@ -41,7 +41,7 @@ class TableState(Enum):
     PENDING = auto()
     """It has followed another one, and its words are not known: the board is asked for them."""
     LOST = auto()
-    """The board was asked as often as makes sense. Its words count yet when another host reads them."""
+    """The board was asked as often as makes sense. The words are still accepted if another host reads them."""
 
 
 class TableEvent(Enum):

@@ -41,8 +41,8 @@ class Transmitter:
         self._next_s = self._silent_s = 0.0
         self._time_s = 0.0
 
-    def hear(self, sticks: Sticks) -> None:
-        """What a page says of its sticks."""
+    def accept_sticks(self, sticks: Sticks) -> None:
+        """Take the stick positions that the next frames send."""
         self._said = sticks, self._clock()
         self.off = self.off and sticks.on
 

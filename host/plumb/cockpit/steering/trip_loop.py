@@ -60,7 +60,7 @@ class _Vehicles:
 
 
 class TripLoop(BoardRun):
-    """Trips of one system. Other threads call `hear`, `order` and `stop`, and read `scene`, `state` and `notes`.
+    """Trips of one system. Other threads call `accept_sticks`, `order` and `stop`; they read `scene`, `state`, `notes`.
 
     board: native, or virtual with this flash image. paced: hold the trip back to real time; without it, it is as fast
     as the machine. trips: that have been armed.
@@ -113,10 +113,10 @@ class TripLoop(BoardRun):
 
     # ---- called by other threads ----
 
-    def hear(self, page: int, sticks: Sticks) -> None:
-        """What a page says of its sticks; only the one that holds the vehicle is heard, and only while it sees it."""
+    def accept_sticks(self, page: int, sticks: Sticks) -> None:
+        """Take stick positions from a page. Ignored unless it controls the vehicle and its pictures are fresh."""
         if self.hold.alive(page):
-            self.transmitter.hear(sticks)
+            self.transmitter.accept_sticks(sticks)
 
     def stop(self) -> None:
         """The switch of the motors goes off, and stays so until the page that holds the vehicle has it off, too."""

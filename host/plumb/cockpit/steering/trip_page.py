@@ -55,7 +55,7 @@ class TripPage(Page):
             if said.get("do") == STICKS:
                 sticks = sticks_of(said)
                 self._board.hold.beat(self._number, _tick(said))
-                self._trip.hear(self._number, sticks)
+                self._trip.accept_sticks(self._number, sticks)
                 return
             order = _order(said, self._number, {str(event["name"]) for event in self._trip.events})
         except UsageError as error:

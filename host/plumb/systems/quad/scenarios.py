@@ -121,7 +121,7 @@ ADAPTIVE = QuadTuning(
 """R varies by 1000:1 with | |a|^2 - 1 |; U as printed, the gyro's previous sample. Fitted on seeds 0-19 of `motion`,
 subject to 0.375 deg on `quiet`."""
 
-# What a step of vibration says of the tilt, the next ones say again: R at rest is that of a memory, not of one sample.
+# Vibration is correlated over several steps, so R at rest is larger than the variance of one sample.
 TRAPEZIUM = replace(
     ADAPTIVE,
     trust=Trust(r_deg2=4.0, gain_deg2=15_000.0, r_max_deg2=4000.0),
