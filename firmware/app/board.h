@@ -11,25 +11,25 @@
 #include <stdint.h>
 
 /* board_faults(). Bits 0 to 7 and 13 to 15 disarm and block arming; bits 8 to 12 only inform. */
-#define BOARD_FAULT_ADC            0x0001u /* no conversions, or calibration did not end */
-#define BOARD_FAULT_LATE           0x0002u /* a period was not taken in time; session: no step came */
-#define BOARD_FAULT_HARD           0x0004u /* a processor fault caused the last reset: identity, crash_ */
-#define BOARD_FAULT_IMAGE          0x0008u /* the CRC of the image in flash is wrong */
-#define BOARD_FAULT_BRIDGE         0x0010u /* the break input switched the bridge off, or holds it off */
-#define BOARD_FAULT_HALL           0x0020u /* all Hall sensors alike: a wire is open */
-#define BOARD_FAULT_SENSOR         0x0040u /* a sensor is lost or not trusted: board_sensor_health() */
-#define BOARD_FAULT_PARAMETERS     0x0080u /* set by the session: the saved parameters cannot be used */
-#define BOARD_FAULT_CLOCK_FALLBACK 0x0100u /* no crystal: internal oscillator, CAN stays off */
-#define BOARD_FAULT_UART_OVERRUN   0x0200u /* received bytes were lost or damaged */
-#define BOARD_FAULT_WATCHDOG       0x0400u /* a watchdog caused the last reset */
-#define BOARD_FAULT_CAN_OVERRUN    0x0800u /* received CAN frames were lost: not fetched in time */
-#define BOARD_FAULT_CRYSTAL        0x1000u /* the crystal failed before the last reset */
-#define BOARD_FAULT_STALLED        0x2000u /* armed, no turn of the loop for 20 ms; until the next run */
-#define BOARD_FAULT_UPSET          0x4000u /* guarded memory was damaged; until the next start */
-#define BOARD_FAULT_STRAP          0x8000u /* strap and saved pin set differ: no actuator is driven */
+#define BOARD_FAULT_ADC            0x0001U /* no conversions, or calibration did not end */
+#define BOARD_FAULT_LATE           0x0002U /* a period was not taken in time; session: no step came */
+#define BOARD_FAULT_HARD           0x0004U /* a processor fault caused the last reset: identity, crash_ */
+#define BOARD_FAULT_IMAGE          0x0008U /* the CRC of the image in flash is wrong */
+#define BOARD_FAULT_BRIDGE         0x0010U /* the break input switched the bridge off, or holds it off */
+#define BOARD_FAULT_HALL           0x0020U /* all Hall sensors alike: a wire is open */
+#define BOARD_FAULT_SENSOR         0x0040U /* a sensor is lost or not trusted: board_sensor_health() */
+#define BOARD_FAULT_PARAMETERS     0x0080U /* set by the session: the saved parameters cannot be used */
+#define BOARD_FAULT_CLOCK_FALLBACK 0x0100U /* no crystal: internal oscillator, CAN stays off */
+#define BOARD_FAULT_UART_OVERRUN   0x0200U /* received bytes were lost or damaged */
+#define BOARD_FAULT_WATCHDOG       0x0400U /* a watchdog caused the last reset */
+#define BOARD_FAULT_CAN_OVERRUN    0x0800U /* received CAN frames were lost: not fetched in time */
+#define BOARD_FAULT_CRYSTAL        0x1000U /* the crystal failed before the last reset */
+#define BOARD_FAULT_STALLED        0x2000U /* armed, no turn of the loop for 20 ms; until the next run */
+#define BOARD_FAULT_UPSET          0x4000U /* guarded memory was damaged; until the next start */
+#define BOARD_FAULT_STRAP          0x8000U /* strap and saved pin set differ: no actuator is driven */
 /* Two counters that stop at 255: bits 16 to 23 UART errors, bits 24 to 31 late periods. */
-#define BOARD_FAULT_UART_COUNT_SHIFT 16u
-#define BOARD_FAULT_LATE_COUNT_SHIFT 24u
+#define BOARD_FAULT_UART_COUNT_SHIFT 16U
+#define BOARD_FAULT_LATE_COUNT_SHIFT 24U
 
 typedef struct {
     uint32_t part_id;         /* device id: 0x410 medium density, 0x414 high density */
@@ -47,11 +47,11 @@ typedef struct {
 
 /* Pin sets. The strap, PB4 and PB5 open or at ground, chooses one. Actuators are only driven when the saved
  * parameter `pins` agrees with it. */
-#define BOARD_PINS_STANDARD  0u /* both open: two speed controllers; USART1 on PA9, PA10 */
-#define BOARD_PINS_BRIDGE    1u /* PB5 at ground: three-phase bridge, Hall sensors; USART1 on PB6, PB7 */
-#define BOARD_PINS_QUADROTOR 2u /* PB4 at ground: four speed controllers; USART1 on PA9, PA10 */
-#define BOARD_PINS_WHEELS    3u /* both at ground: drivers and encoders of two wheels; USART1 on PA9, PA10 */
-#define BOARD_PINS_UNKNOWN   4u /* not steady: drives nothing, no USART1 */
+#define BOARD_PINS_STANDARD  0U /* both open: two speed controllers; USART1 on PA9, PA10 */
+#define BOARD_PINS_BRIDGE    1U /* PB5 at ground: three-phase bridge, Hall sensors; USART1 on PB6, PB7 */
+#define BOARD_PINS_QUADROTOR 2U /* PB4 at ground: four speed controllers; USART1 on PA9, PA10 */
+#define BOARD_PINS_WHEELS    3U /* both at ground: drivers and encoders of two wheels; USART1 on PA9, PA10 */
+#define BOARD_PINS_UNKNOWN   4U /* not steady: drives nothing, no USART1 */
 
 /* Settings that apply once, at start. */
 typedef struct {

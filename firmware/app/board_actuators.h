@@ -6,9 +6,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define BOARD_ACTUATORS 2u /* pulse outputs of the pin set standard */
-#define BOARD_ROTORS    4u /* pulse outputs of the pin set quadrotor */
-#define BOARD_WHEELS    2u /* motors of the pin set wheels: left, right */
+#define BOARD_ACTUATORS 2U /* pulse outputs of the pin set standard */
+#define BOARD_ROTORS    4U /* pulse outputs of the pin set quadrotor */
+#define BOARD_WHEELS    2U /* motors of the pin set wheels: left, right */
 
 /* Set the outputs to neutral, and set the pulse frame's length and the neutral pulse, both in
  * half-microseconds. The frame is clamped to the bounds of core/esc.h; a neutral pulse outside them is

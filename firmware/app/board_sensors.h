@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define BOARD_RAW_MAX (USED_WHEELS ? 9u : 6u) /* raw counts of one sample; a system uses the first few */
+#define BOARD_RAW_MAX (USED_WHEELS ? 9U : 6U) /* raw counts of one sample; a system uses the first few */
 
 /* Where the accelerometer is. */
 typedef enum {
@@ -60,7 +60,7 @@ typedef struct {
 } board_health_t;
 
 /* Shortest period with analog sensors: one scan of six inputs. Doubles with each step of oversample_log2. */
-#define BOARD_SCAN_US 50u
+#define BOARD_SCAN_US 50U
 
 /* Choose the sensors. From then on the board finds, sets up and monitors the digital ones, whether a period
  * runs or not; that takes about 20 ms. Choosing the same sensors again changes nothing. */

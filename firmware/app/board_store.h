@@ -7,8 +7,8 @@
 
 /* Two slots of BOARD_STORE_HALFWORDS half-words each. They can be read at any time, also before board_init().
  */
-#define BOARD_STORE_SLOTS     2u
-#define BOARD_STORE_HALFWORDS 1024u
+#define BOARD_STORE_SLOTS     2U
+#define BOARD_STORE_HALFWORDS 1024U
 const uint16_t *board_store_slot(uint32_t slot);
 
 /* Erase a slot: all its bits become 1. The processor stalls for up to 80 ms (the watchdog is fed), so call it

@@ -15,8 +15,8 @@
 #include "systems/control.h"
 #include <string.h>
 
-#define DEADLINE_US  10000u /* of a turn; the longest sleep is 1 ms, outputs must be safe within 50 ms */
-#define CAN_PER_TURN 16u    /* frames: a flood of them must not keep the loop from its steps */
+#define DEADLINE_US  10000U /* of a turn; the longest sleep is 1 ms, outputs must be safe within 50 ms */
+#define CAN_PER_TURN 16U    /* frames: a flood of them must not keep the loop from its steps */
 
 BOARD_GUARDED static control_t control;
 BOARD_GUARDED static session_t session;
@@ -25,7 +25,7 @@ static session_buffers_t buffers;
 
 /* The outputs are known to be at neutral only while `outputs` has exactly this value: a flipped bit then
  * makes the loop write neutral once more. */
-#define OUTPUTS_RESTING 0x3ac9651eu
+#define OUTPUTS_RESTING 0x3ac9651eU
 BOARD_GUARDED static uint32_t outputs;
 
 /* Passes the input of both links to the session, no more than the session has room to answer. */
@@ -36,7 +36,7 @@ static void receive(uint32_t now_us) {
     requests_receive(&session, bytes, count, now_us);
 
     can_frame_t frame;
-    for (unsigned i = 0u; i < CAN_PER_TURN && requests_frame_room(&session) && board_can_read(&frame); i++) {
+    for (unsigned i = 0U; i < CAN_PER_TURN && requests_frame_room(&session) && board_can_read(&frame); i++) {
         requests_receive_frame(&session, &frame, now_us);
     }
 }
@@ -58,13 +58,13 @@ static void receive_sticks(uint32_t now_us) {
 
 /* Sends the session's output, as much as the UART and CAN accept. */
 static void transmit(void) {
-    uint8_t bytes[4u * SLCAN_FRAME_CHARS];
+    uint8_t bytes[4U * SLCAN_FRAME_CHARS];
     size_t count;
     do {
         const size_t room = board_uart_room();
         count = session_transmit(&session, bytes, room < sizeof bytes ? room : sizeof bytes);
         (void)board_uart_write(bytes, count);
-    } while (count > 0u);
+    } while (count > 0U);
 
     can_frame_t frame;
     while (board_can_room() && session_transmit_frame(&session, &frame)) {
@@ -151,7 +151,7 @@ static bool met_deadline(uint32_t now_us, bool late) {
 
 /* Sets pulse frame and neutral pulse from the parameters in use, and the outputs to neutral. */
 static void configure_actuator(void) {
-    board_configure_actuator(2u * params.esc_period_us, (uint32_t)params.control.esc.neutral_halfus);
+    board_configure_actuator(2U * params.esc_period_us, (uint32_t)params.control.esc.neutral_halfus);
     board_actuator_neutral();
 }
 
@@ -186,14 +186,14 @@ static void seal_memory(run_mode_t mode) {
 /* Carries out the orders of the session: timer, actuator and sensors. */
 static void obey(const session_orders_t *orders) {
     if (orders->begun) {
-        board_set_period_us(0u);
+        board_set_period_us(0U);
         configure_actuator();
         board_clear_actuator_faults();
         outputs = OUTPUTS_RESTING;
     }
     if (orders->driving && outputs == OUTPUTS_RESTING) {
         board_arm_actuator();
-        outputs = 0u;
+        outputs = 0U;
     }
     choose_sensors(orders->mode != RUN_IDLE && !orders->live);
     board_set_period_us(orders->period_us);
@@ -204,7 +204,7 @@ static void obey(const session_orders_t *orders) {
 static void run_steps(const session_orders_t *orders) {
     int16_t raw[PLUMB_RAW_MAX];
     int32_t setpoint;
-    for (unsigned i = 0u; i < RUN_QUEUE_LENGTH && take_inputs(orders, raw, &setpoint); i++) {
+    for (unsigned i = 0U; i < RUN_QUEUE_LENGTH && take_inputs(orders, raw, &setpoint); i++) {
         control_step(&control, &params.control, raw, setpoint);
         if (orders->driving) {
             actuate();

@@ -129,7 +129,7 @@ PULSES = re.compile(r"^#define ((?:PULSE|ENCODER)_\w+)(\(\w+(?:, \w+)?\))? +(.*?
 
 def _value(expression: str) -> int:
     """A constant expression of the header: numbers, parentheses, shifts and ors."""
-    text = re.sub(r"(?<=[0-9a-fA-F])u\b", "", expression)
+    text = re.sub(r"(?<=[0-9a-fA-F])U\b", "", expression)
     assert re.fullmatch(r"[0-9a-fA-Fx()|< ]+", text), expression
     return int(eval(text))
 
@@ -178,13 +178,13 @@ def test_both_timers_of_pulses_and_encoders_have_these_registers_and_bits(
     checked = 0
     for name, arguments, value in PULSES.findall(HEADER.read_text(encoding="utf-8")):
         what = name.removeprefix("PULSE_").removeprefix("ENCODER_")
-        plain = re.sub(r"(?<=[0-9a-fA-F])u\b", "", value.strip())
+        plain = re.sub(r"(?<=[0-9a-fA-F])U\b", "", value.strip())
         if arguments == "(base, number)":
             offset = plain.removeprefix("REG32(base, ").removesuffix(")")
             for number in range(4):
                 assert eval(offset, {"number": number}) == block.registers[f"{what}{number + 1}"], name
         elif arguments == "(base)":
-            assert value.strip() == f"REG32(base, 0x{block.registers[what]:02x}u)", name
+            assert value.strip() == f"REG32(base, 0x{block.registers[what]:02x}U)", name
         elif arguments == "(number)":
             for number in range(4):
                 assert eval(plain, {"number": number}) == block.bits["CCER"][f"CC{number + 1}E"], name
@@ -204,7 +204,7 @@ def test_what_no_file_of_the_vendor_knows() -> None:
         assert _value(definitions[name]) == expected, name
     for name, expected in FACTS.items():
         text = definitions[name]
-        address = re.fullmatch(r"REG32\((\w+), (\w+|4u \* \(word\))\)", text)
+        address = re.fullmatch(r"REG32\((\w+), (\w+|4U \* \(word\))\)", text)
         pointer = re.fullmatch(r"\(\*\(volatile const uint16_t \*\)(\w+)\)", text)
         if address is not None:
             offset = 0 if "word" in address[2] else _value(address[2])
@@ -229,8 +229,8 @@ def test_every_handler_stands_where_its_interrupt_looks(svd: tuple[dict[str, Blo
 
 def test_no_address_stands_outside_the_header() -> None:
     for path in sorted(HEADER.parent.glob("*.c")):
-        for literal in re.findall(r"\b0x[0-9a-fA-F]{8}u?\b", path.read_text(encoding="utf-8")):
-            number = int(literal.rstrip("u"), 16)
+        for literal in re.findall(r"\b0x[0-9a-fA-F]{8}U?\b", path.read_text(encoding="utf-8")):
+            number = int(literal.rstrip("U"), 16)
             assert not 0x1FFF0000 <= number < 0x20000000, f"{path.name}: {literal}"
             assert not 0x40000000 <= number < 0x40024000, f"{path.name}: {literal}"
             assert not 0xE0000000 <= number < 0xE0100000, f"{path.name}: {literal}"
@@ -254,6 +254,6 @@ def test_systick_alone_can_interrupt_another_handler() -> None:
             assert not re.search(r"basepri|AIRCR_PRIGROUP", text, re.IGNORECASE), path.name
             assert not re.search(r"0x[eE]000[eE]4|0x[eE]000[eE][dD][12]", text), path.name
     assert given == [
-        ("nvic.h", "NVIC_IPR(irq / 4u) |= NVIC_PRIORITY << 8u * (irq % 4u);"),
+        ("nvic.h", "NVIC_IPR(irq / 4U) |= NVIC_PRIORITY << 8U * (irq % 4U);"),
         ("systick.c", "SCB_SHPR3 = NVIC_PRIORITY << 16; /* PendSV; SysTick, the byte above, stays 0: the highest */"),
     ]

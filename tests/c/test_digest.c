@@ -5,11 +5,11 @@
 #include <string.h>
 
 static uint32_t by_definition(const uint8_t *bytes, size_t count) {
-    uint32_t crc = 0xffffffffu;
+    uint32_t crc = 0xffffffffU;
     for (size_t i = 0; i < count; i++) {
         crc ^= bytes[i];
         for (int bit = 0; bit < 8; bit++) {
-            crc = (crc >> 1) ^ ((crc & 1u) != 0u ? 0xedb88320u : 0u);
+            crc = (crc >> 1) ^ ((crc & 1U) != 0U ? 0xedb88320U : 0U);
         }
     }
     return ~crc;
@@ -17,13 +17,13 @@ static uint32_t by_definition(const uint8_t *bytes, size_t count) {
 
 int main(void) {
     int wrong = 0;
-    wrong += digest_crc32("", 0) != 0u;
-    wrong += digest_crc32("123456789", 9) != 0xcbf43926u; /* the check value of CRC-32/ISO-HDLC */
+    wrong += digest_crc32("", 0) != 0U;
+    wrong += digest_crc32("123456789", 9) != 0xcbf43926U; /* the check value of CRC-32/ISO-HDLC */
 
     uint8_t bytes[512];
-    uint32_t state = 1u;
+    uint32_t state = 1U;
     for (size_t i = 0; i < sizeof bytes; i++) {
-        state = state * 1664525u + 1013904223u;
+        state = state * 1664525U + 1013904223U;
         bytes[i] = (uint8_t)(state >> 24);
     }
     for (size_t start = 0; start < 4; start++) {
@@ -34,9 +34,9 @@ int main(void) {
     /* One flipped bit anywhere is seen. */
     const uint32_t before = digest_crc32(bytes, sizeof bytes);
     for (size_t bit = 0; bit < 8 * sizeof bytes; bit++) {
-        bytes[bit / 8] ^= (uint8_t)(1u << (bit % 8));
+        bytes[bit / 8] ^= (uint8_t)(1U << (bit % 8));
         wrong += digest_crc32(bytes, sizeof bytes) == before;
-        bytes[bit / 8] ^= (uint8_t)(1u << (bit % 8));
+        bytes[bit / 8] ^= (uint8_t)(1U << (bit % 8));
     }
     if (wrong != 0) {
         printf("digest: %d wrong\n", wrong);

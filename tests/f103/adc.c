@@ -19,10 +19,10 @@ int main(void) {
         results[i] = 0;
     }
     clock_72mhz();
-    RCC_APB2ENR = 1u << 9 | 1u << 2 | 1;
-    RCC_APB1ENR = 1u << 1;
+    RCC_APB2ENR = 1U << 9 | 1U << 2 | 1;
+    RCC_APB1ENR = 1U << 1;
     RCC_AHBENR |= 1;
-    GPIOA_CRL = 0x44444000u;
+    GPIOA_CRL = 0x44444000U;
     ADC_CR2 = 1;
     for (volatile uint32_t i = 0; i < 50; i++) {
     }
@@ -34,19 +34,19 @@ int main(void) {
         results[5]++;
     }
     ADC_SMPR2 = 0x1FF; /* 239.5 cycles on channels 0 to 2 */
-    ADC_SQR1 = 2u << 20;
-    ADC_SQR3 = 0u | 1u << 5 | 2u << 10;
-    ADC_CR1 = 1u << 8;
-    ADC_CR2 = 1 | 1u << 8 | 4u << 17 | 1u << 20;
+    ADC_SQR1 = 2U << 20;
+    ADC_SQR3 = 0U | 1U << 5 | 2U << 10;
+    ADC_CR1 = 1U << 8;
+    ADC_CR2 = 1 | 1U << 8 | 4U << 17 | 1U << 20;
     DMA_CPAR(1) = 0x4001244C;
     DMA_CMAR(1) = (uint32_t)(uintptr_t)scans;
     DMA_CNDTR(1) = 6;
-    DMA_CCR(1) = 1u << 10 | 1u << 8 | 0xA7;
-    NVIC_ISER(0) = 1u << 11;
+    DMA_CCR(1) = 1U << 10 | 1U << 8 | 0xA7;
+    NVIC_ISER(0) = 1U << 11;
     TIM_PSC(TIM3) = 71;
     TIM_ARR(TIM3) = 999;
     TIM_EGR(TIM3) = 1;
-    TIM_CR2(TIM3) = 2u << 4;
+    TIM_CR2(TIM3) = 2U << 4;
     TIM_CR1(TIM3) = 1;
     for (;;) {
         wait_for_interrupt();

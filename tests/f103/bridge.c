@@ -40,7 +40,7 @@ int main(void) {
         } else if (command == DUTY) {
             board_set_bridge((int32_t)results[2]);
         } else if (command == RAPID) { /* as fast as it goes */
-            for (uint32_t i = 0; i < 20u; i++) {
+            for (uint32_t i = 0; i < 20U; i++) {
                 board_set_bridge((int32_t)results[2]);
             }
         } else if (command == OFF) {

@@ -9,21 +9,21 @@ int main(void) {
     results[3] = REG(0x1FFFF7E8);
     results[4] = DBGMCU_IDCODE;
     FLASH_ACR = 0x12;
-    RCC_CR |= 1u << 16;
+    RCC_CR |= 1U << 16;
     uint32_t waited = 0;
-    while (!(RCC_CR & 1u << 17) && waited < 20000) {
+    while (!(RCC_CR & 1U << 17) && waited < 20000) {
         waited++;
     }
     results[5] = waited;
-    RCC_CFGR = RCC_CR & 1u << 17 ? 7u << 18 | 1u << 16 | 4u << 8 : 14u << 18 | 4u << 8;
-    RCC_CR |= 1u << 24;
-    while (!(RCC_CR & 1u << 25)) {
+    RCC_CFGR = RCC_CR & 1U << 17 ? 7U << 18 | 1U << 16 | 4U << 8 : 14U << 18 | 4U << 8;
+    RCC_CR |= 1U << 24;
+    while (!(RCC_CR & 1U << 25)) {
     }
     RCC_CFGR |= 2;
     while ((RCC_CFGR & 0xC) != 8) {
     }
     results[6] = RCC_CFGR;
-    DEMCR |= 1u << 24;
+    DEMCR |= 1U << 24;
     DWT_CYCCNT = 0;
     DWT_CTRL |= 1;
     uint32_t before = DWT_CYCCNT;

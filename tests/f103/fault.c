@@ -8,8 +8,8 @@ static void note(uint32_t which, uint32_t *frame) {
     results[4] = SCB_CFSR;
     results[5] = SCB_HFSR;
     results[6] = SCB_BFAR;
-    SCB_CFSR = 0xFFFFFFFFu;
-    SCB_HFSR = 0xFFFFFFFFu;
+    SCB_CFSR = 0xFFFFFFFFU;
+    SCB_HFSR = 0xFFFFFFFFU;
     uint16_t first = *(volatile uint16_t *)frame[6];
     frame[6] += first >> 11 >= 29 ? 4 : 2;
 }
@@ -31,7 +31,7 @@ FAULT_HANDLER(usage_fault_handler, 6)
 int main(void) {
     results[1] = 0;
     if (results[7]) {
-        SCB_SHCSR = 7u << 16;
+        SCB_SHCSR = 7U << 16;
     }
     switch (results[0]) {
     case 1:
@@ -57,17 +57,17 @@ int main(void) {
         AFIO_MAPR |= 4;
         break;
     case 7:
-        RCC_CFGR = 7u << 18 | 1u << 16 | 4u << 8;
-        RCC_CR |= 1u << 16;
-        while (!(RCC_CR & 1u << 17)) {
+        RCC_CFGR = 7U << 18 | 1U << 16 | 4U << 8;
+        RCC_CR |= 1U << 16;
+        while (!(RCC_CR & 1U << 17)) {
         }
-        RCC_CR |= 1u << 24;
-        while (!(RCC_CR & 1u << 25)) {
+        RCC_CR |= 1U << 24;
+        while (!(RCC_CR & 1U << 25)) {
         }
         RCC_CFGR |= 2; /* 72 MHz without wait states */
         break;
     case 8:
-        __asm volatile("mov sp, %0\n udf #2\n" ::"r"(0x1000u));
+        __asm volatile("mov sp, %0\n udf #2\n" ::"r"(0x1000U));
         break;
     default:
         break;

@@ -15,16 +15,16 @@ enum { DONE, I2C, SPI };
 #define SPI_CR1   REG(0x40013000)
 #define SPI_SR    REG(0x40013008)
 #define SPI_DR    REG(0x4001300C)
-#define PE        1u
-#define START     (1u << 8)
-#define STOP      (1u << 9)
-#define ACK       (1u << 10)
-#define SB        1u
-#define ADDR      2u
-#define BTF       4u
-#define RXNE      64u
-#define TXE       128u
-#define AF        (1u << 10)
+#define PE        1U
+#define START     (1U << 8)
+#define STOP      (1U << 9)
+#define ACK       (1U << 10)
+#define SB        1U
+#define ADDR      2U
+#define BTF       4U
+#define RXNE      64U
+#define TXE       128U
+#define AF        (1U << 10)
 
 /* Until a flag is there; 0 when the other end refused, or nothing came for long. */
 static uint32_t await(uint32_t flag) {
@@ -101,21 +101,21 @@ static void access_i2c(uint32_t slave, uint32_t reg, uint32_t count) {
 
 static uint32_t exchange(uint32_t byte) {
     SPI_DR = byte;
-    while (!(SPI_SR & 1u)) {
+    while (!(SPI_SR & 1U)) {
     }
     return SPI_DR;
 }
 
 static void access_spi(uint32_t reg, uint32_t count) {
-    REG(0x40010810) = 1u << (4 + 16);
-    (void)exchange(reg | (count ? 0x80u : 0u) | (count > 1 ? 0x40u : 0u));
+    REG(0x40010810) = 1U << (4 + 16);
+    (void)exchange(reg | (count ? 0x80U : 0U) | (count > 1 ? 0x40U : 0U));
     if (count == 0) {
         (void)exchange(results[4]);
     }
     for (uint32_t i = 0; i < count; i++) {
         results[8 + i] = exchange(0);
     }
-    REG(0x40010810) = 1u << 4;
+    REG(0x40010810) = 1U << 4;
 }
 
 int main(void) {
@@ -123,17 +123,17 @@ int main(void) {
         results[i] = 0;
     }
     clock_72mhz();
-    RCC_APB2ENR = 1u << 12 | 1u << 3 | 1u << 2 | 1u;
-    RCC_APB1ENR = 1u << 21;
-    AFIO_MAPR = 2u << 24 | 1u << 1;
-    REG(0x40010810) = 1u << 4;
-    GPIOA_CRL = 0x98914444u;
-    REG(0x40010C04) = 0x444444DDu;
+    RCC_APB2ENR = 1U << 12 | 1U << 3 | 1U << 2 | 1U;
+    RCC_APB1ENR = 1U << 21;
+    AFIO_MAPR = 2U << 24 | 1U << 1;
+    REG(0x40010810) = 1U << 4;
+    GPIOA_CRL = 0x98914444U;
+    REG(0x40010C04) = 0x444444DDU;
     I2C_CR2 = 36;
-    I2C_CCR = 1u << 15 | 30u;
+    I2C_CCR = 1U << 15 | 30U;
     I2C_TRISE = 11;
     I2C_CR1 = PE;
-    SPI_CR1 = 1u << 9 | 1u << 8 | 1u << 6 | 3u << 3 | 7u; /* SSM, SSI, SPE, / 16, master, mode 3 */
+    SPI_CR1 = 1U << 9 | 1U << 8 | 1U << 6 | 3U << 3 | 7U; /* SSM, SSI, SPE, / 16, master, mode 3 */
     for (;;) {
         const uint32_t command = results[0];
         if (command == I2C) {

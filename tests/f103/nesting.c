@@ -51,27 +51,27 @@ int main(void) {
     SCB_SHPR8(11) = 0x20;
     SCB_SHPR8(14) = 0xF0;
     NVIC_ISER(0) = 7;
-    register uint32_t kept __asm("r4") = 0x12345678u;
+    register uint32_t kept __asm("r4") = 0x12345678U;
     __asm volatile("" : "+r"(kept));
     NVIC_ISPR(0) = 1;
     note('1');
     irq_off();
     NVIC_ISPR(0) = 1;
-    SCB_ICSR = 1u << 28; /* PendSV waits too */
+    SCB_ICSR = 1U << 28; /* PendSV waits too */
     note('2');
     irq_on();
     note('3');
     __asm volatile("svc 0" ::: "memory");
     note('4');
     /* Masked by BASEPRI at 0x80: only the high one gets through. */
-    __asm volatile("msr basepri, %0" ::"r"(0x80u) : "memory");
+    __asm volatile("msr basepri, %0" ::"r"(0x80U) : "memory");
     NVIC_ISPR(0) = 4;
     note('5');
     NVIC_ISPR(0) = 2;
     note('6');
-    __asm volatile("msr basepri, %0" ::"r"(0u) : "memory");
+    __asm volatile("msr basepri, %0" ::"r"(0U) : "memory");
     note('7');
     __asm volatile("" : "+r"(kept));
-    results[60] = kept == 0x12345678u && ipsr() == 0;
+    results[60] = kept == 0x12345678U && ipsr() == 0;
     return 0;
 }

@@ -64,8 +64,8 @@
 #define DMA_CPAR(n)  REG(0x40020010 + 20 * ((n)-1))
 #define DMA_CMAR(n)  REG(0x40020014 + 20 * ((n)-1))
 
-#define TIM3         0x40000400u
-#define TIM4         0x40000800u
+#define TIM3         0x40000400U
+#define TIM4         0x40000800U
 #define TIM_CR1(t)   REG((t) + 0x00)
 #define TIM_CR2(t)   REG((t) + 0x04)
 #define TIM_EGR(t)   REG((t) + 0x14)
@@ -104,12 +104,12 @@ static inline void wait_for_interrupt(void) {
 /* 72 MHz from the crystal. */
 static inline void clock_72mhz(void) {
     FLASH_ACR = 0x12;
-    RCC_CR |= 1u << 16;
-    while (!(RCC_CR & 1u << 17)) {
+    RCC_CR |= 1U << 16;
+    while (!(RCC_CR & 1U << 17)) {
     }
-    RCC_CFGR = 7u << 18 | 1u << 16 | 4u << 8 | 2u << 14;
-    RCC_CR |= 1u << 24;
-    while (!(RCC_CR & 1u << 25)) {
+    RCC_CFGR = 7U << 18 | 1U << 16 | 4U << 8 | 2U << 14;
+    RCC_CR |= 1U << 24;
+    while (!(RCC_CR & 1U << 25)) {
     }
     RCC_CFGR |= 2;
     while ((RCC_CFGR & 0xC) != 8) {

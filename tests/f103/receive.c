@@ -15,11 +15,11 @@ int main(void) {
     for (uint32_t i = 0; i < 64; i++) {
         results[i] = 0;
     }
-    RCC_APB2ENR = 1u << 3;
-    RCC_APB1ENR = 1u << 18;
+    RCC_APB2ENR = 1U << 3;
+    RCC_APB1ENR = 1U << 18;
     USART3_BRR = 19;
-    NVIC_ISER(1) = 1u << 7;
-    USART3_CR1 = 1u << 13 | 1u << 5 | 4;
+    NVIC_ISER(1) = 1U << 7;
+    USART3_CR1 = 1U << 13 | 1U << 5 | 4;
     results[2] = 1;
     for (;;) {
         if (results[1]) {

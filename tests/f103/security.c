@@ -8,7 +8,7 @@ void nmi_handler(void) {
     results[1] = RCC_CIR;
     results[2] = RCC_CR;
     results[3] = RCC_CFGR;
-    RCC_CIR = 1u << 23;
+    RCC_CIR = 1U << 23;
 }
 
 int main(void) {
@@ -16,7 +16,7 @@ int main(void) {
         results[i] = 0;
     }
     clock_72mhz();
-    RCC_CR |= 1u << 19;
+    RCC_CR |= 1U << 19;
     irq_off(); /* does not keep an NMI out */
     for (;;) {
         results[4]++;

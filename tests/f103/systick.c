@@ -14,7 +14,7 @@ int main(void) {
         results[i] = 0;
     }
     clock_72mhz();
-    DEMCR |= 1u << 24;
+    DEMCR |= 1U << 24;
     DWT_CTRL |= 1;
     SYST_RVR = 72000 - 1;
     SYST_CVR = 0;

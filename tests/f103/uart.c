@@ -12,12 +12,12 @@ void usart1_handler(void) {
 
 void dma1_channel5_handler(void) {
     results[2] |= DMA_ISR;
-    DMA_IFCR = 0xFu << 16;
+    DMA_IFCR = 0xFU << 16;
     wakes++;
 }
 
 void dma1_channel4_handler(void) {
-    DMA_IFCR = 0xFu << 12;
+    DMA_IFCR = 0xFU << 12;
     results[3]++;
 }
 
@@ -26,9 +26,9 @@ int main(void) {
         results[i] = 0;
     }
     clock_72mhz();
-    RCC_APB2ENR = 1u << 14 | 1u << 2 | 1;
+    RCC_APB2ENR = 1U << 14 | 1U << 2 | 1;
     RCC_AHBENR |= 1;
-    GPIOA_CRH = 0x444444B4u;
+    GPIOA_CRH = 0x444444B4U;
     USART1_BRR = 78;
     USART1_CR3 = 0xC1;
     DMA_CPAR(5) = 0x40013804;
@@ -36,9 +36,9 @@ int main(void) {
     DMA_CNDTR(5) = sizeof received;
     DMA_CCR(5) = 0xA7;
     DMA_CPAR(4) = 0x40013804;
-    NVIC_ISER(0) = 1u << 14 | 1u << 15;
-    NVIC_ISER(1) = 1u << 5;
-    USART1_CR1 = 1u << 13 | 1u << 4 | 12;
+    NVIC_ISER(0) = 1U << 14 | 1U << 15;
+    NVIC_ISER(1) = 1U << 5;
+    USART1_CR1 = 1U << 13 | 1U << 4 | 12;
     results[0] = 1;
     uint32_t tail = 0;
     for (;;) {

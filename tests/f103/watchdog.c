@@ -3,13 +3,13 @@
 RESULTS;
 
 int main(void) {
-    if (results[0] != 0xB007u) {
-        results[0] = 0xB007u;
+    if (results[0] != 0xB007U) {
+        results[0] = 0xB007U;
         results[1] = 0;
     }
     results[2 + results[1] % 4] = RCC_CSR;
     results[1]++;
-    RCC_CSR = 1u << 24;
+    RCC_CSR = 1U << 24;
     if (results[1] == 3) {
         SCB_AIRCR = 0x05FA0004;
         for (;;) {
@@ -26,7 +26,7 @@ int main(void) {
     SYST_CVR = 0;
     SYST_CSR = 5;
     for (uint32_t fed = 0; fed < 10; fed++) {
-        while (!(SYST_CSR & 1u << 16)) {
+        while (!(SYST_CSR & 1U << 16)) {
         }
         IWDG_KR = 0xAAAA;
         results[10] = fed + 1;

@@ -13,17 +13,17 @@ void irq0_handler(void) {
 }
 
 int main(void) {
-    if (results[0] != 0xB007u) {
-        results[0] = 0xB007u;
+    if (results[0] != 0xB007U) {
+        results[0] = 0xB007U;
         results[1] = results[3] = 0;
     }
     results[1]++;
     results[2] = RCC_CSR;
-    RCC_CSR = 1u << 24;
+    RCC_CSR = 1U << 24;
     if (results[6]) {
         clock_72mhz();
     }
-    RCC_APB1ENR = 1u << 11;
+    RCC_APB1ENR = 1U << 11;
     NVIC_ISER(0) = 1;
     for (;;) {
     }

@@ -3,8 +3,8 @@
 #include "core/esc.h"
 #include "port.h"
 
-#define START_FRAME_HALFUS      5000u
-#define CONSTANT_NEUTRAL_HALFUS 2000u
+#define START_FRAME_HALFUS      5000U
+#define CONSTANT_NEUTRAL_HALFUS 2000U
 
 static uint32_t neutral_halfus;
 static bool broken, hall_failed; /* latched until board_clear_actuator_faults() */
@@ -16,15 +16,15 @@ static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
 /* Pulse outputs of the pin set in use. */
 static uint32_t outputs(void) {
     const uint32_t pins = board_identity()->pins;
-    return !port_drives()                ? 0u
+    return !port_drives()                ? 0U
            : pins == BOARD_PINS_STANDARD ? BOARD_ACTUATORS
            : port_rotors()               ? BOARD_ROTORS
-                                         : 0u;
+                                         : 0U;
 }
 
 static void set_pulses(const uint32_t pulse_halfus[], uint32_t count) {
-    for (uint32_t i = 0u; i < BOARD_ROTORS; i++) {
-        native.pulse_halfus[i] = i < count ? pulse_halfus[i] : 0u;
+    for (uint32_t i = 0U; i < BOARD_ROTORS; i++) {
+        native.pulse_halfus[i] = i < count ? pulse_halfus[i] : 0U;
     }
 }
 
@@ -33,7 +33,7 @@ static void drive(const uint32_t pulse_halfus[], uint32_t count) {
     const uint32_t fits = native.frame_halfus - ESC_GAP_MIN_HALFUS;
     const uint32_t high = fits < ESC_PULSE_MAX_HALFUS ? fits : ESC_PULSE_MAX_HALFUS;
     uint32_t pulse[BOARD_ROTORS];
-    for (uint32_t i = 0u; i < count; i++) {
+    for (uint32_t i = 0U; i < count; i++) {
         pulse[i] = bounded(pulse_halfus[i], ESC_PULSE_MIN_HALFUS, high);
     }
     if (!port_stalled() && count == outputs()) {
@@ -42,9 +42,9 @@ static void drive(const uint32_t pulse_halfus[], uint32_t count) {
 }
 
 static void motors_off(void) {
-    native.bridge_on = 0u;
+    native.bridge_on = 0U;
     native.duty_q15 = 0;
-    native.wheels_on = 0u;
+    native.wheels_on = 0U;
     native.wheel_duty_q15[0] = native.wheel_duty_q15[1] = 0;
 }
 
@@ -58,15 +58,15 @@ void actuators_advance(void) {
     if (!port_bridge() && !port_wheels()) {
         return;
     }
-    broken = broken || native.bridge_break != 0u;
-    hall_failed = hall_failed || (port_bridge() && native.hall_lost != 0u);
-    if (native.bridge_break != 0u || hall_failed) {
+    broken = broken || native.bridge_break != 0U;
+    hall_failed = hall_failed || (port_bridge() && native.hall_lost != 0U);
+    if (native.bridge_break != 0U || hall_failed) {
         motors_off();
     }
 }
 
 uint32_t actuators_faults(void) {
-    return (broken ? BOARD_FAULT_BRIDGE : 0u) | (hall_failed ? BOARD_FAULT_HALL : 0u);
+    return (broken ? BOARD_FAULT_BRIDGE : 0U) | (hall_failed ? BOARD_FAULT_HALL : 0U);
 }
 
 void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_halfus) {
@@ -84,29 +84,29 @@ void board_set_rotors(const uint32_t pulse_halfus[BOARD_ROTORS]) {
 }
 
 bool board_arm_switch(void) {
-    return native.arm_switch != 0u;
+    return native.arm_switch != 0U;
 }
 
 void board_arm_actuator(void) {
     port_watch(true);
-    if (port_bridge() && native.bridge_break == 0u && !hall_failed && !port_stalled()) {
-        native.bridge_on = 1u;
+    if (port_bridge() && native.bridge_break == 0U && !hall_failed && !port_stalled()) {
+        native.bridge_on = 1U;
         native.duty_q15 = 0;
     }
-    if (port_wheels() && native.bridge_break == 0u && !port_stalled()) {
-        native.wheels_on = 1u;
+    if (port_wheels() && native.bridge_break == 0U && !port_stalled()) {
+        native.wheels_on = 1U;
     }
 }
 
 void board_set_wheels(const int32_t duty_q15[BOARD_WHEELS]) {
-    if (native.wheels_on != 0u) {
+    if (native.wheels_on != 0U) {
         native.wheel_duty_q15[0] = duty_q15[0];
         native.wheel_duty_q15[1] = duty_q15[1];
     }
 }
 
 void board_set_bridge(int32_t duty_q15) {
-    if (native.bridge_on != 0u) {
+    if (native.bridge_on != 0U) {
         native.duty_q15 = duty_q15;
     }
 }

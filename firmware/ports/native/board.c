@@ -7,10 +7,10 @@ void board_init(const board_setup_t *setup) {
     if (setup->pins != native.strap || native.strap >= BOARD_PINS_UNKNOWN) {
         port.faults |= BOARD_FAULT_STRAP;
     }
-    if (native.no_crystal != 0u) {
+    if (native.no_crystal != 0U) {
         port.faults |= BOARD_FAULT_CLOCK_FALLBACK;
     }
-    if (native.image_damaged != 0u) {
+    if (native.image_damaged != 0U) {
         port.faults |= BOARD_FAULT_IMAGE;
     }
     actuators_reset();
@@ -18,7 +18,7 @@ void board_init(const board_setup_t *setup) {
 
 uint32_t board_faults(void) {
     return native.faults | port.faults | guard_faults() | links_faults() | sensors_faults() |
-           actuators_faults() | (port.stalled ? BOARD_FAULT_STALLED : 0u);
+           actuators_faults() | (port.stalled ? BOARD_FAULT_STALLED : 0U);
 }
 
 uint32_t board_now_us(void) {

@@ -7,8 +7,8 @@ extern uint8_t __start_guarded[], __stop_guarded[];
 extern uint8_t __start_guarded_parameters[], __stop_guarded_parameters[];
 
 #define UNCHECKED __attribute__((no_sanitize("address"), noinline))
-#define FNV_START 14695981039346656037u
-#define FNV_PRIME 1099511628211u
+#define FNV_START 14695981039346656037U
+#define FNV_PRIME 1099511628211U
 
 static uint64_t state_word, parameters_word;
 static bool released, upset, clock_upset;
@@ -24,7 +24,7 @@ UNCHECKED static uint64_t word_of(const uint8_t *from, const uint8_t *end) {
 
 UNCHECKED static void clear(uint8_t *from, const uint8_t *end) {
     for (volatile uint8_t *byte = from; byte < end; byte++) {
-        *byte = 0u;
+        *byte = 0U;
     }
 }
 
@@ -62,7 +62,7 @@ void board_parameters_seal(void) {
 }
 
 uint32_t guard_faults(void) {
-    return upset ? BOARD_FAULT_UPSET : 0u;
+    return upset ? BOARD_FAULT_UPSET : 0U;
 }
 
 size_t native_guarded_bytes(void) {
@@ -73,5 +73,5 @@ size_t native_guarded_bytes(void) {
 UNCHECKED void native_flip(size_t at, uint32_t bit) {
     const size_t first = (size_t)(__stop_guarded - __start_guarded);
     uint8_t *const byte = at < first ? __start_guarded + at : __start_guarded_parameters + (at - first);
-    *byte = (uint8_t)(*byte ^ 1u << bit);
+    *byte = (uint8_t)(*byte ^ 1U << bit);
 }

@@ -4,19 +4,19 @@
 #include "port.h"
 #include <string.h>
 
-#define LINE_BYTES    65536u /* on the line, or not yet fetched by the host */
-#define RX_BYTES      1024u
-#define TX_BYTES      256u
-#define ERRORS_MAX    255u
-#define LINE_FRAMES   1024u
-#define RX_FRAMES     16u
-#define MAILBOXES     3u
-#define REST_MIN_MS   10u
-#define REST_MAX_MS   1000u
-#define GIVE_UP_MS    500u
-#define NO_ACK        3u /* ISO 11898-1, as board_can_health_t has it */
-#define BIT_ERROR     4u
-#define ERROR_PASSIVE 128u
+#define LINE_BYTES    65536U /* on the line, or not yet fetched by the host */
+#define RX_BYTES      1024U
+#define TX_BYTES      256U
+#define ERRORS_MAX    255U
+#define LINE_FRAMES   1024U
+#define RX_FRAMES     16U
+#define MAILBOXES     3U
+#define REST_MIN_MS   10U
+#define REST_MAX_MS   1000U
+#define GIVE_UP_MS    500U
+#define NO_ACK        3U /* ISO 11898-1, as board_can_health_t has it */
+#define BIT_ERROR     4U
+#define ERROR_PASSIVE 128U
 
 /* ---- queues; free-running counts ---- */
 
@@ -57,14 +57,14 @@ void links_reset(void) {
     rx = tx = can_rx = can_tx = (queue_t){0};
     links.health.bus_off = true;
     links.rest_ms = REST_MIN_MS;
-    links.can = native.no_crystal != 0u ? CAN_OFF : CAN_JOINING;
+    links.can = native.no_crystal != 0U ? CAN_OFF : CAN_JOINING;
     links.since_ms = port_now_ms();
 }
 
 uint32_t links_faults(void) {
     const uint32_t all = links.errors + receiver_errors(), errors = all < ERRORS_MAX ? all : ERRORS_MAX;
-    return (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) | errors << BOARD_FAULT_UART_COUNT_SHIFT |
-           (links.overrun ? BOARD_FAULT_CAN_OVERRUN : 0u);
+    return (errors > 0U ? BOARD_FAULT_UART_OVERRUN : 0U) | errors << BOARD_FAULT_UART_COUNT_SHIFT |
+           (links.overrun ? BOARD_FAULT_CAN_OVERRUN : 0U);
 }
 
 /* ---- UART ---- */
@@ -74,12 +74,12 @@ static bool listens(void) {
 }
 
 static void lose_byte(void) {
-    links.errors += links.errors < ERRORS_MAX ? 1u : 0u;
+    links.errors += links.errors < ERRORS_MAX ? 1U : 0U;
     port_wake();
 }
 
 static void receive_byte(uint8_t byte) {
-    if (native.uart_damaged > 0u) {
+    if (native.uart_damaged > 0U) {
         native.uart_damaged--;
         lose_byte();
     } else if (used(&rx) == RX_BYTES) {
@@ -90,13 +90,13 @@ static void receive_byte(uint8_t byte) {
 }
 
 static void advance_uart_in(void) {
-    while (used(&line_in) > 0u && links.in_ns <= port_now_ns()) {
-        if (native.uart_in_byte_ns == 0u && used(&rx) == RX_BYTES) {
+    while (used(&line_in) > 0U && links.in_ns <= port_now_ns()) {
+        if (native.uart_in_byte_ns == 0U && used(&rx) == RX_BYTES) {
             return;
         }
         receive_byte(line_in_bytes[line_in.out++ % LINE_BYTES]);
         links.in_ns += native.uart_in_byte_ns;
-        if (used(&line_in) == 0u || used(&rx) >= RX_BYTES / 2u) {
+        if (used(&line_in) == 0U || used(&rx) >= RX_BYTES / 2U) {
             port_wake(); /* an idle line, or half a ring */
         }
     }
@@ -107,22 +107,22 @@ static void advance_uart_out(void) {
         links.out_ns = port_now_ns();
         return;
     }
-    while (used(&tx) > 0u && links.out_ns <= port_now_ns()) {
+    while (used(&tx) > 0U && links.out_ns <= port_now_ns()) {
         if (used(&line_out) < LINE_BYTES) { /* else the host does not fetch them: the byte is lost */
             line_out_bytes[line_out.in++ % LINE_BYTES] = tx_bytes[tx.out % TX_BYTES];
         }
         tx.out++;
         links.out_ns += native.uart_out_byte_ns;
     }
-    if (links.tx_refused && used(&tx) == 0u) {
+    if (links.tx_refused && used(&tx) == 0U) {
         links.tx_refused = false;
         port_wake();
     }
 }
 
 size_t native_uart_send(const uint8_t *bytes, size_t count) {
-    size_t taken = 0u;
-    if (used(&line_in) == 0u) {
+    size_t taken = 0U;
+    if (used(&line_in) == 0U) {
         links.in_ns = port_now_ns() + native.uart_in_byte_ns;
     }
     while (taken < count && used(&line_in) < LINE_BYTES && listens()) {
@@ -133,19 +133,19 @@ size_t native_uart_send(const uint8_t *bytes, size_t count) {
 }
 
 size_t native_uart_receive(uint8_t *bytes, size_t room) {
-    size_t count = 0u;
-    while (count < room && used(&line_out) > 0u) {
+    size_t count = 0U;
+    while (count < room && used(&line_out) > 0U) {
         bytes[count++] = line_out_bytes[line_out.out++ % LINE_BYTES];
     }
     return count;
 }
 
 size_t board_uart_read(uint8_t *bytes, size_t room) {
-    size_t count = 0u;
-    while (count < room && used(&rx) > 0u) {
+    size_t count = 0U;
+    while (count < room && used(&rx) > 0U) {
         bytes[count++] = rx_bytes[rx.out++ % RX_BYTES];
     }
-    if (count > 0u && used(&rx) + used(&line_in) > 0u) {
+    if (count > 0U && used(&rx) + used(&line_in) > 0U) {
         port_wake();
     }
     return count;
@@ -154,13 +154,13 @@ size_t board_uart_read(uint8_t *bytes, size_t room) {
 size_t board_uart_room(void) {
     advance_uart_out();
     const size_t room = TX_BYTES - used(&tx);
-    links.tx_refused = room == 0u;
+    links.tx_refused = room == 0U;
     return room;
 }
 
 size_t board_uart_write(const uint8_t *bytes, size_t count) {
-    size_t accepted = 0u;
-    if (used(&tx) == 0u) {
+    size_t accepted = 0U;
+    if (used(&tx) == 0U) {
         links.out_ns = port_now_ns() + native.uart_out_byte_ns;
     }
     while (accepted < count && used(&tx) < TX_BYTES) {
@@ -172,7 +172,7 @@ size_t board_uart_write(const uint8_t *bytes, size_t count) {
 /* ---- CAN ---- */
 
 static bool accepted(uint16_t id) {
-    for (size_t i = 0u; i < links.id_count; i++) {
+    for (size_t i = 0U; i < links.id_count; i++) {
         if (links.ids[i] == id) {
             return true;
         }
@@ -182,12 +182,12 @@ static bool accepted(uint16_t id) {
 
 /* True when frames can pass: both ends are connected, at the same rate. */
 static bool bus_works(void) {
-    return links.can == CAN_ON && native.can_kbit == links.kbit && native.can_dead == 0u;
+    return links.can == CAN_ON && native.can_kbit == links.kbit && native.can_dead == 0U;
 }
 
 static void advance_can_in(void) {
-    while (used(&bus_in) > 0u && links.bus_in_ns <= port_now_ns()) {
-        if (native.can_frame_ns == 0u && used(&can_rx) == RX_FRAMES) {
+    while (used(&bus_in) > 0U && links.bus_in_ns <= port_now_ns()) {
+        if (native.can_frame_ns == 0U && used(&can_rx) == RX_FRAMES) {
             return;
         }
         const can_frame_t frame = bus_in_frames[bus_in.out++ % LINE_FRAMES];
@@ -205,14 +205,14 @@ static void advance_can_in(void) {
 }
 
 static void advance_can_out(void) {
-    while (used(&can_tx) > 0u && bus_works() && links.bus_out_ns <= port_now_ns()) {
+    while (used(&can_tx) > 0U && bus_works() && links.bus_out_ns <= port_now_ns()) {
         if (used(&bus_out) < LINE_FRAMES) {
             bus_out_frames[bus_out.in++ % LINE_FRAMES] = mailbox[can_tx.out % MAILBOXES];
         }
         can_tx.out++;
         links.bus_out_ns += native.can_frame_ns;
         links.sent_ms = port_now_ms();
-        links.health.transmit_errors = 0u;
+        links.health.transmit_errors = 0U;
         port_wake();
     }
 }
@@ -221,7 +221,7 @@ bool native_can_send(const native_frame_t *frame) {
     if (used(&bus_in) == LINE_FRAMES) {
         return false;
     }
-    if (used(&bus_in) == 0u) {
+    if (used(&bus_in) == 0U) {
         links.bus_in_ns = port_now_ns() + native.can_frame_ns;
     }
     can_frame_t *const to = &bus_in_frames[bus_in.in++ % LINE_FRAMES];
@@ -234,7 +234,7 @@ bool native_can_send(const native_frame_t *frame) {
 }
 
 bool native_can_receive(native_frame_t *frame) {
-    if (used(&bus_out) == 0u) {
+    if (used(&bus_out) == 0U) {
         return false;
     }
     const can_frame_t *const from = &bus_out_frames[bus_out.out++ % LINE_FRAMES];
@@ -249,7 +249,7 @@ static void enter(can_state_t state) {
 }
 
 static void look_after(uint32_t now_ms) {
-    if (native.can_dead != 0u) {
+    if (native.can_dead != 0U) {
         links.health.last_error = BIT_ERROR;
         links.health.bus_offs++;
         native.bus_offs++;
@@ -259,7 +259,7 @@ static void look_after(uint32_t now_ms) {
     if (now_ms - links.since_ms >= REST_MAX_MS) {
         links.rest_ms = REST_MIN_MS; /* on the bus for long enough: the next pause is short again */
     }
-    if (used(&can_tx) > 0u && !bus_works()) {
+    if (used(&can_tx) > 0U && !bus_works()) {
         links.health.transmit_errors = ERROR_PASSIVE; /* alone on the bus the counter stops here */
         links.health.last_error = NO_ACK;
         if (now_ms - links.sent_ms >= GIVE_UP_MS) {
@@ -290,7 +290,7 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
         break;
     default:
         if (now_ms - links.since_ms >= links.rest_ms) {
-            links.rest_ms = 2u * links.rest_ms < REST_MAX_MS ? 2u * links.rest_ms : REST_MAX_MS;
+            links.rest_ms = 2U * links.rest_ms < REST_MAX_MS ? 2U * links.rest_ms : REST_MAX_MS;
             enter(CAN_JOINING);
         }
     }
@@ -299,11 +299,11 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
 
 bool board_can_read(can_frame_t *frame) {
     advance_can_in();
-    if (used(&can_rx) == 0u) {
+    if (used(&can_rx) == 0U) {
         return false;
     }
     *frame = rx_frames[can_rx.out++ % RX_FRAMES];
-    if (used(&can_rx) + used(&bus_in) > 0u) {
+    if (used(&can_rx) + used(&bus_in) > 0U) {
         port_wake();
     }
     return true;
@@ -315,7 +315,7 @@ bool board_can_room(void) {
 }
 
 void board_can_send(const can_frame_t *frame) {
-    if (used(&can_tx) == 0u) {
+    if (used(&can_tx) == 0U) {
         links.sent_ms = port_now_ms();
         links.bus_out_ns = port_now_ns() + native.can_frame_ns;
     }
@@ -339,24 +339,24 @@ void links_advance(void) {
 
 /* Time at which `count` bytes or frames have passed, the first of them at `first_ns`. */
 static uint64_t passed_ns(uint64_t first_ns, uint32_t count, uint32_t each_ns) {
-    return first_ns + (uint64_t)(count - 1u) * each_ns;
+    return first_ns + (uint64_t)(count - 1U) * each_ns;
 }
 
 uint64_t links_next_ns(void) {
     uint64_t next_ns = UINT64_MAX;
-    if (used(&line_in) > 0u && listens()) {
-        const uint32_t room = RX_BYTES / 2u;
+    if (used(&line_in) > 0U && listens()) {
+        const uint32_t room = RX_BYTES / 2U;
         const uint32_t count = used(&line_in) < room ? used(&line_in) : room;
         next_ns = passed_ns(links.in_ns, count, native.uart_in_byte_ns);
     }
-    if (links.tx_refused && native.uart_out_byte_ns != NATIVE_NEVER && used(&tx) > 0u) {
+    if (links.tx_refused && native.uart_out_byte_ns != NATIVE_NEVER && used(&tx) > 0U) {
         const uint64_t sent_ns = passed_ns(links.out_ns, used(&tx), native.uart_out_byte_ns);
         next_ns = sent_ns < next_ns ? sent_ns : next_ns;
     }
-    if (used(&bus_in) > 0u && links.bus_in_ns < next_ns) {
+    if (used(&bus_in) > 0U && links.bus_in_ns < next_ns) {
         next_ns = links.bus_in_ns;
     }
-    if (used(&can_tx) > 0u && bus_works() && links.bus_out_ns < next_ns) {
+    if (used(&can_tx) > 0U && bus_works() && links.bus_out_ns < next_ns) {
         next_ns = links.bus_out_ns;
     }
     return next_ns;

@@ -5,13 +5,13 @@
 #include "port.h"
 #include <string.h>
 
-#define SLEEP_US       1000u  /* longest sleep of the loop */
-#define STALL_US       20000u /* ports/stm32f103/stall.c */
-#define WATCHDOG_US    40000u /* ports/stm32f103/watchdog.c */
-#define RESET_POWER    0x0Cu  /* RCC_CSR 31..24: power and pin */
-#define RESET_WATCHDOG 0x44u  /* window watchdog and pin */
+#define SLEEP_US       1000U  /* longest sleep of the loop */
+#define STALL_US       20000U /* ports/stm32f103/stall.c */
+#define WATCHDOG_US    40000U /* ports/stm32f103/watchdog.c */
+#define RESET_POWER    0x0CU  /* RCC_CSR 31..24: power and pin */
+#define RESET_WATCHDOG 0x44U  /* window watchdog and pin */
 #define AT_ONCE_MAX                                                                                          \
-    64u /* turns of the loop at one instant: lines without delay could keep it busy for ever */
+    64U /* turns of the loop at one instant: lines without delay could keep it busy for ever */
 
 /* Counts of a level axis at rest, by the calibration of the default parameters. */
 #define REST_GYRO    1676
@@ -22,27 +22,27 @@
 
 /* True while the loop makes turns; the rest of the board works without it. */
 static bool loop_lives(void) {
-    return native.state == NATIVE_RUNNING && native.hangs == 0u;
+    return native.state == NATIVE_RUNNING && native.hangs == 0U;
 }
 
 /* Called in every operation of the flash, once for each way of leaving it half done; fails the power when
  * fault injection asks for it. */
 static void flash_at_work(void) {
     static uint32_t way;
-    if (native.flash_cut == 1u && way == native.flash_cut_way) {
-        native.flash_cut = 0u;
-        way = 0u;
+    if (native.flash_cut == 1U && way == native.flash_cut_way) {
+        native.flash_cut = 0U;
+        way = 0U;
         port_leave_loop(LEFT_POWER);
     }
-    way = (way + 1u) % FLASH_WAYS;
-    if (way == 0u && native.flash_cut > 1u) {
+    way = (way + 1U) % FLASH_WAYS;
+    if (way == 0U && native.flash_cut > 1U) {
         native.flash_cut--;
     }
 }
 
 /* Runs loop_start() or loop_turn(), which a power failure or the bootloader may leave in the middle. */
 static void run_loop(void (*part)(void)) {
-    flash_refuses = native.flash_refuses != 0u;
+    flash_refuses = native.flash_refuses != 0U;
     switch (setjmp(port_out_of_the_loop)) {
     case LEFT_NOT:
         part();
@@ -65,7 +65,7 @@ static void start(uint32_t cause) {
     port.fed_us = port.turned_us = port.slept_us = port.now_us;
     port.last_clock_us = (uint32_t)port.now_us + port.clock_offset_us;
     native.identity.reset_cause = cause;
-    port.faults = cause == RESET_WATCHDOG ? BOARD_FAULT_WATCHDOG : 0u;
+    port.faults = cause == RESET_WATCHDOG ? BOARD_FAULT_WATCHDOG : 0U;
     native.state = NATIVE_RUNNING;
     port.wake = true;
     run_loop(loop_start);
@@ -86,14 +86,14 @@ static void advance_to(uint64_t us) {
     }
     if (port.now_us - port.fed_us >= WATCHDOG_US) {
         native.resets++;
-        native.hangs = 0u; /* the reset ends it */
+        native.hangs = 0U; /* the reset ends it */
         start(RESET_WATCHDOG);
     }
 }
 
 /* ns, rounded up to whole microseconds. */
 static uint64_t whole_us(uint64_t ns) {
-    return ns / NS_PER_US + (ns % NS_PER_US != 0u ? 1u : 0u);
+    return ns / NS_PER_US + (ns % NS_PER_US != 0U ? 1U : 0U);
 }
 
 /* Advances from event to event, to this instant or until one wakes the loop. */
@@ -103,7 +103,7 @@ static void pass_until(uint64_t until_us) {
         const uint64_t events[] = {whole_us(links_next_ns()), whole_us(sensors_next_ns()),
                                    port.driving ? port.turned_us + STALL_US : UINT64_MAX,
                                    port.fed_us + WATCHDOG_US};
-        for (size_t i = 0u; i < sizeof events / sizeof events[0] && native.state == NATIVE_RUNNING; i++) {
+        for (size_t i = 0U; i < sizeof events / sizeof events[0] && native.state == NATIVE_RUNNING; i++) {
             if (events[i] > port.now_us && events[i] < next_us) {
                 next_us = events[i];
             }
@@ -140,10 +140,10 @@ static uint64_t wakes_us(void) {
 
 void native_run(uint32_t us) {
     const uint64_t end_us = port.now_us + us;
-    unsigned at_once = 0u; /* turns at this instant */
+    unsigned at_once = 0U; /* turns at this instant */
     while (port.now_us <= end_us) {
         const uint64_t due_us = !loop_lives()            ? UINT64_MAX
-                                : at_once == AT_ONCE_MAX ? port.now_us + 1u
+                                : at_once == AT_ONCE_MAX ? port.now_us + 1U
                                                          : wakes_us();
         if (due_us <= port.now_us) {
             turn();
@@ -153,7 +153,7 @@ void native_run(uint32_t us) {
         if (port.now_us == end_us) {
             break;
         }
-        at_once = 0u;
+        at_once = 0U;
         pass_until(due_us < end_us ? due_us : end_us);
     }
 }
@@ -189,13 +189,13 @@ size_t native_wires_bytes(void) {
 
 void native_defaults(void) {
     memset(&native, 0, sizeof native);
-    native.identity = (board_identity_t){.part_id = 0x410u, .flash_kib = 64u, .ram_kib = 20u, .seed = 1u};
+    native.identity = (board_identity_t){.part_id = 0x410U, .flash_kib = 64U, .ram_kib = 20U, .seed = 1U};
     native.raw[0] = REST_GYRO;
     native.raw[1] = REST_ACCEL_Y;
     native.raw[2] = REST_ACCEL_Z;
-    native.can_kbit = 500u; /* of the default table */
-    port.now_us = 0u;
-    port.clock_offset_us = 0u;
+    native.can_kbit = 500U; /* of the default table */
+    port.now_us = 0U;
+    port.clock_offset_us = 0U;
     flash_blank();
     flash_half_done = flash_at_work;
     links_unplug();
@@ -215,18 +215,18 @@ uint32_t native_flash_operations(void) {
 }
 
 void native_power_on(void) {
-    native.resets = 0u;
-    native.turns = 0u;
+    native.resets = 0U;
+    native.turns = 0U;
     start(RESET_POWER);
 }
 
 void native_power_off(void) {
     native.state = NATIVE_OFF;
-    native.armed = 0u;
-    for (unsigned i = 0u; i < BOARD_ACTUATORS; i++) {
-        native.pulse_halfus[i] = 0u;
+    native.armed = 0U;
+    for (unsigned i = 0U; i < BOARD_ACTUATORS; i++) {
+        native.pulse_halfus[i] = 0U;
     }
-    native.bridge_on = 0u;
+    native.bridge_on = 0U;
     native.duty_q15 = 0;
     links_unplug();
     receiver_unplug();

@@ -20,7 +20,7 @@
 #include "app/board_sensors.h"
 #include <stddef.h>
 
-#define NATIVE_NEVER 0xFFFFFFFFu /* of a time: stands still */
+#define NATIVE_NEVER 0xFFFFFFFFU /* of a time: stands still */
 
 typedef enum {
     NATIVE_OFF = 0, /* no power: native_power_on() starts it */

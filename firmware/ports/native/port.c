@@ -14,7 +14,7 @@ uint64_t port_now_ns(void) {
 }
 
 uint32_t port_now_ms(void) {
-    return (uint32_t)(port.now_us / 1000u);
+    return (uint32_t)(port.now_us / 1000U);
 }
 
 void port_wake(void) {
@@ -22,7 +22,7 @@ void port_wake(void) {
 }
 
 bool port_drives(void) {
-    return (port.faults & BOARD_FAULT_STRAP) == 0u;
+    return (port.faults & BOARD_FAULT_STRAP) == 0U;
 }
 
 bool port_bridge(void) {

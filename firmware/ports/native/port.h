@@ -8,7 +8,7 @@
 #include "native.h"
 #include <setjmp.h>
 
-#define NS_PER_US 1000u
+#define NS_PER_US 1000U
 
 /* Written by board.c and machine.c; a reset clears all but the first two. */
 typedef struct {

@@ -4,11 +4,11 @@
 #include "app/board_receiver.h"
 #include "port.h"
 
-#define LINE_BYTES 4096u
-#define RX_BYTES   128u
-#define ERRORS_MAX 255u
-#define LINE_EDGES 1024u
-#define EDGES      32u
+#define LINE_BYTES 4096U
+#define RX_BYTES   128U
+#define ERRORS_MAX 255U
+#define LINE_EDGES 1024U
+#define EDGES      32U
 
 static uint8_t line[LINE_BYTES], ring[RX_BYTES];
 static uint32_t line_in, line_out, ring_in, ring_out; /* free-running counts */
@@ -22,13 +22,13 @@ static uint16_t edges[EDGES];
 static uint32_t edges_in, edges_out;
 
 void receiver_reset(void) {
-    ring_in = ring_out = errors = 0u;
-    edges_in = edges_out = 0u;
+    ring_in = ring_out = errors = 0U;
+    edges_in = edges_out = 0U;
 }
 
 void receiver_unplug(void) {
-    line_in = line_out = 0u;
-    pulses_in = pulses_out = 0u;
+    line_in = line_out = 0U;
+    pulses_in = pulses_out = 0U;
 }
 
 uint32_t receiver_errors(void) {
@@ -36,7 +36,7 @@ uint32_t receiver_errors(void) {
 }
 
 size_t native_receiver_send(const uint8_t *bytes, size_t count) {
-    size_t taken = 0u;
+    size_t taken = 0U;
     if (line_in == line_out) {
         byte_ns = port_now_ns() + native.receiver_byte_ns;
     }
@@ -50,7 +50,7 @@ size_t native_receiver_send(const uint8_t *bytes, size_t count) {
 static void advance(void) {
     while (line_in != line_out && byte_ns <= port_now_ns()) {
         const bool full = ring_in - ring_out == RX_BYTES;
-        if (full && native.receiver_byte_ns == 0u) {
+        if (full && native.receiver_byte_ns == 0U) {
             return;
         }
         const uint8_t byte = line[line_out++ % LINE_BYTES];
@@ -59,7 +59,7 @@ static void advance(void) {
             continue;
         }
         if (full) {
-            errors += errors < ERRORS_MAX ? 1u : 0u;
+            errors += errors < ERRORS_MAX ? 1U : 0U;
         } else {
             ring[ring_in++ % RX_BYTES] = byte;
         }
@@ -67,7 +67,7 @@ static void advance(void) {
 }
 
 size_t board_receiver_read(uint8_t *bytes, size_t room) {
-    size_t count = 0u;
+    size_t count = 0U;
     advance();
     while (count < room && ring_out != ring_in) {
         bytes[count++] = ring[ring_out++ % RX_BYTES];
@@ -80,11 +80,11 @@ size_t native_receiver_edge(uint64_t at_us) {
     if (room) {
         pulses_us[pulses_in++ % LINE_EDGES] = at_us;
     }
-    return room ? 1u : 0u;
+    return room ? 1U : 0U;
 }
 
 size_t board_receiver_edges(uint16_t *stamps_us, size_t room) {
-    size_t count = 0u;
+    size_t count = 0U;
     while (pulses_in != pulses_out && pulses_us[pulses_out % LINE_EDGES] * NS_PER_US <= port_now_ns()) {
         const uint64_t at_us = pulses_us[pulses_out++ % LINE_EDGES];
         if (port.identity.pins == BOARD_PINS_QUADROTOR && edges_in - edges_out < EDGES) {

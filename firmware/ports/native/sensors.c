@@ -3,8 +3,8 @@
 #include "port.h"
 #include <string.h>
 
-#define FOUND_US 20000u /* a digital sensor, from board_use_sensors() on */
-#define LATE_MAX 255u
+#define FOUND_US 20000U /* a digital sensor, from board_use_sensors() on */
+#define LATE_MAX 255U
 
 static struct {
     board_sensors_t use;
@@ -39,9 +39,9 @@ static uint8_t cause(uint32_t wished) {
 }
 
 void board_sensor_health(board_health_t *health) {
-    const bool watched = analog() && sensors.period_us > 0u;
-    *health = (board_health_t){.railed = (uint16_t)(watched ? native.railed : 0u),
-                               .stuck = (uint16_t)(watched ? native.stuck : 0u),
+    const bool watched = analog() && sensors.period_us > 0U;
+    *health = (board_health_t){.railed = (uint16_t)(watched ? native.railed : 0U),
+                               .stuck = (uint16_t)(watched ? native.stuck : 0U),
                                .gyro = cause(native.gyro),
                                .accel = cause(native.accel)};
 }
@@ -50,8 +50,8 @@ uint32_t sensors_faults(void) {
     board_health_t health;
     board_sensor_health(&health);
     const bool bad = (health.railed | health.stuck | health.gyro | health.accel) != BOARD_SENSOR_GOOD;
-    const bool dead = analog() && sensors.period_us > 0u && native.adc_dead != 0u;
-    return sensors.faults | (bad ? BOARD_FAULT_SENSOR : 0u) | (dead ? BOARD_FAULT_ADC : 0u) |
+    const bool dead = analog() && sensors.period_us > 0U && native.adc_dead != 0U;
+    return sensors.faults | (bad ? BOARD_FAULT_SENSOR : 0U) | (dead ? BOARD_FAULT_ADC : 0U) |
            sensors.late << BOARD_FAULT_LATE_COUNT_SHIFT;
 }
 
@@ -70,28 +70,28 @@ static bool gives_samples(void) {
     case BOARD_SENSORS_RIDE:
         return digital_good();
     default:
-        return native.adc_dead == 0u;
+        return native.adc_dead == 0U;
     }
 }
 
 static void sample(void) {
     static const uint8_t filled[] = {
-        [BOARD_SENSORS_NONE] = 0u,    [BOARD_SENSORS_ANALOG_3] = 3u, [BOARD_SENSORS_ANALOG_6] = 6u,
-        [BOARD_SENSORS_BALANCE] = 4u, [BOARD_SENSORS_SIX_AXES] = 6u, [BOARD_SENSORS_RIDE] = 7u};
-    const uint32_t no_force = cause(native.accel) != BOARD_SENSOR_GOOD ? 0x38u : 0u;
-    const uint32_t no_sample = cause(native.gyro) != BOARD_SENSOR_GOOD ? 0x3fu : no_force;
-    const uint32_t lost = sensors.use.kind == BOARD_SENSORS_SIX_AXES ? no_sample : 0u;
+        [BOARD_SENSORS_NONE] = 0U,    [BOARD_SENSORS_ANALOG_3] = 3U, [BOARD_SENSORS_ANALOG_6] = 6U,
+        [BOARD_SENSORS_BALANCE] = 4U, [BOARD_SENSORS_SIX_AXES] = 6U, [BOARD_SENSORS_RIDE] = 7U};
+    const uint32_t no_force = cause(native.accel) != BOARD_SENSOR_GOOD ? 0x38U : 0U;
+    const uint32_t no_sample = cause(native.gyro) != BOARD_SENSOR_GOOD ? 0x3fU : no_force;
+    const uint32_t lost = sensors.use.kind == BOARD_SENSORS_SIX_AXES ? no_sample : 0U;
     const uint32_t bad = sensors.use.kind == BOARD_SENSORS_ANALOG_6 ? native.railed | native.stuck : lost;
-    for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
+    for (uint32_t i = 0U; i < BOARD_RAW_MAX; i++) {
         const int32_t count = i < filled[sensors.use.kind] ? native.raw[i] : 0;
-        sensors.raw[i] = (bad >> i & 1u) != 0u ? INT16_MIN : (int16_t)count;
+        sensors.raw[i] = (bad >> i & 1U) != 0U ? INT16_MIN : (int16_t)count;
     }
     sensors.done++;
     port_wake();
 }
 
 void sensors_advance(void) {
-    while (sensors.period_us > 0u && sensors.tick_ns <= port_now_ns()) {
+    while (sensors.period_us > 0U && sensors.tick_ns <= port_now_ns()) {
         sensors.tick_ns += (uint64_t)sensors.period_us * NS_PER_US;
         if (gives_samples()) {
             sample();
@@ -100,7 +100,7 @@ void sensors_advance(void) {
 }
 
 uint64_t sensors_next_ns(void) {
-    return sensors.period_us > 0u ? sensors.tick_ns : UINT64_MAX;
+    return sensors.period_us > 0U ? sensors.tick_ns : UINT64_MAX;
 }
 
 void board_use_sensors(const board_sensors_t *wanted) {
@@ -108,7 +108,7 @@ void board_use_sensors(const board_sensors_t *wanted) {
         return;
     }
     const uint32_t period_us = sensors.period_us;
-    board_set_period_us(0u);
+    board_set_period_us(0U);
     sensors.use = *wanted;
     sensors.used_ns = port_now_ns();
     sensors.gave_six_axes = false;
@@ -122,18 +122,18 @@ void board_set_period_us(uint32_t period_us) {
     sensors.period_us = period_us;
     sensors.tick_ns = port_now_ns() + (uint64_t)period_us * NS_PER_US;
     sensors.taken = sensors.done;
-    if (period_us > 0u) {
-        sensors.late = 0u;
+    if (period_us > 0U) {
+        sensors.late = 0U;
         sensors.faults &= ~BOARD_FAULT_LATE;
         memset(sensors.raw, 0, sizeof sensors.raw);
     }
 }
 
 bool board_take_tick(void) {
-    if (sensors.period_us == 0u || sensors.done == sensors.taken) {
+    if (sensors.period_us == 0U || sensors.done == sensors.taken) {
         return false;
     }
-    for (uint32_t missed = sensors.done - sensors.taken - 1u; missed > 0u && sensors.late < LATE_MAX;
+    for (uint32_t missed = sensors.done - sensors.taken - 1U; missed > 0U && sensors.late < LATE_MAX;
          missed--) {
         sensors.late++;
         sensors.faults |= BOARD_FAULT_LATE;
@@ -143,7 +143,7 @@ bool board_take_tick(void) {
 }
 
 bool board_battery_read(uint16_t counts[BATTERY_INPUTS]) {
-    for (uint32_t i = 0u; i < BATTERY_INPUTS; i++) {
+    for (uint32_t i = 0U; i < BATTERY_INPUTS; i++) {
         counts[i] = (uint16_t)native.battery[i];
     }
     return port_vehicle() && native.battery[0] != NATIVE_NEVER;

@@ -14,9 +14,9 @@
 #include <stddef.h>
 #include <string.h>
 
-#define MAGIC_IN    0x49424C50u /* "PLBI" */
-#define MAGIC_OUT   0x4F424C50u /* "PLBO" */
-#define BATCH_STEPS 8u          /* as many as the smallest machine has room for */
+#define MAGIC_IN    0x49424C50U /* "PLBI" */
+#define MAGIC_OUT   0x4F424C50U /* "PLBO" */
+#define BATCH_STEPS 8U          /* as many as the smallest machine has room for */
 
 typedef enum {
     RUN_GOOD = 0,

@@ -3,7 +3,7 @@
 
 enum { SYS_OPEN = 0x01, SYS_CLOSE = 0x02, SYS_WRITE = 0x05, SYS_READ = 0x06, SYS_EXIT_EXTENDED = 0x20 };
 enum { OPEN_READ_BINARY = 1, OPEN_WRITE_BINARY = 5 };
-#define ADP_STOPPED_APPLICATION_EXIT 0x20026u
+#define ADP_STOPPED_APPLICATION_EXIT 0x20026U
 
 static uint32_t call(uint32_t operation, const uint32_t *block) {
     register uint32_t r0 __asm__("r0") = operation;

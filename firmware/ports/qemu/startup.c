@@ -2,7 +2,7 @@
 #include "semihosting.h"
 #include <string.h>
 
-#define EXIT_FAULT 14u
+#define EXIT_FAULT 14U
 
 extern uint32_t _data_load, _data_start, _data_end, _bss_start, _bss_end, _stack_top; /* qemu.ld */
 

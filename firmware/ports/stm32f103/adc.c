@@ -14,14 +14,14 @@
 #include "stm32f103.h"
 #include "systick.h"
 
-#define CALIBRATION_POLLS 64u /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
-#define SILENT_TRIGGERS   10u /* so many without a scan, 10 ms at most: the converter has failed */
-#define RESTART_MS        20u
-#define STUCK_LEAST       3u /* conversions without a change, however slow the scans are */
+#define CALIBRATION_POLLS 64U /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
+#define SILENT_TRIGGERS   10U /* so many without a scan, 10 ms at most: the converter has failed */
+#define RESTART_MS        20U
+#define STUCK_LEAST       3U /* conversions without a change, however slow the scans are */
 #define COUNT_MAX         4095
-#define CONVERSION_US     7u /* the shortest: 84 ADC cycles at 12 MHz */
+#define CONVERSION_US     7U /* the shortest: 84 ADC cycles at 12 MHz */
 
-static volatile uint16_t scans[2u * BOARD_RAW_MAX]; /* two, of `channels` counts each */
+static volatile uint16_t scans[2U * BOARD_RAW_MAX]; /* two, of `channels` counts each */
 static uint32_t channels;
 static uint32_t oversample_log2;
 static uint32_t rail_limit, stuck_limit; /* conversions; 0: never */
@@ -39,12 +39,12 @@ void adc_stop(void) {
     if (!USED_ANALOG) {
         return;
     }
-    DMA1_CCR1 = 0u;
+    DMA1_CCR1 = 0U;
     DMA1_IFCR = DMA1_IFCR_CGIF1;
     nvic_forget(IRQ_DMA1_Channel1);
-    railed = 0u;
-    stuck = 0u;
-    silent_triggers = 0u;
+    railed = 0U;
+    stuck = 0U;
+    silent_triggers = 0U;
     calibrated = true;
     waiting = false;
 }
@@ -55,29 +55,29 @@ static void restart(void) {
     RCC_APB2RSTR |= RCC_APB2RSTR_ADC1RST;
     RCC_APB2RSTR &= ~RCC_APB2RSTR_ADC1RST;
     started_ms = systick_ms();
-    scans_summed = 0u;
+    scans_summed = 0U;
 
     /* Calibration may begin two ADC cycles after power-up (RM0008 11.4): the 128 processor cycles of these
      * two polls are more. */
     ADC1_CR2 = ADC1_CR2_ADON;
-    (void)clock_wait(&ADC1_CR2, ADC1_CR2_ADON, 0u, 2u);
+    (void)clock_wait(&ADC1_CR2, ADC1_CR2_ADON, 0U, 2U);
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_RSTCAL;
-    calibrated = clock_wait(&ADC1_CR2, ADC1_CR2_RSTCAL, 0u, CALIBRATION_POLLS);
+    calibrated = clock_wait(&ADC1_CR2, ADC1_CR2_RSTCAL, 0U, CALIBRATION_POLLS);
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_CAL;
-    calibrated = clock_wait(&ADC1_CR2, ADC1_CR2_CAL, 0u, CALIBRATION_POLLS) && calibrated;
+    calibrated = clock_wait(&ADC1_CR2, ADC1_CR2_CAL, 0U, CALIBRATION_POLLS) && calibrated;
 
     /* 71.5 + 12.5 cycles at 12 MHz: 7 us a channel, enough for a source of 50 kOhm (datasheet, table of
      * R_AIN). */
     ADC1_SMPR2 = ADC1_SMPR2_SMP0_71CYC5 | ADC1_SMPR2_SMP1_71CYC5 | ADC1_SMPR2_SMP2_71CYC5 |
                  ADC1_SMPR2_SMP3_71CYC5 | ADC1_SMPR2_SMP8_71CYC5 | ADC1_SMPR2_SMP9_71CYC5;
-    ADC1_SQR1 = (channels - 1u) * ADC1_SQR1_L_2CH;
+    ADC1_SQR1 = (channels - 1U) * ADC1_SQR1_L_2CH;
     ADC1_SQR3 = ADC1_SQR3_SQ1_IN0 | ADC1_SQR3_SQ2_IN1 | ADC1_SQR3_SQ3_IN2 | ADC1_SQR3_SQ4_IN3 |
                 ADC1_SQR3_SQ5_IN8 | ADC1_SQR3_SQ6_IN9;
     ADC1_CR1 = ADC1_CR1_SCAN;
 
     DMA1_CPAR1 = (uint32_t)(uintptr_t)&ADC1_DR;
     DMA1_CMAR1 = (uint32_t)(uintptr_t)scans;
-    DMA1_CNDTR1 = 2u * channels;
+    DMA1_CNDTR1 = 2U * channels;
     DMA1_CCR1 = DMA1_CCR1_EN | DMA1_CCR1_CIRC | DMA1_CCR1_MINC | DMA1_CCR1_PSIZE_16BIT |
                 DMA1_CCR1_MSIZE_16BIT | DMA1_CCR1_HTIE | DMA1_CCR1_TCIE;
     nvic_enable(IRQ_DMA1_Channel1);
@@ -86,11 +86,11 @@ static void restart(void) {
 
 void adc_start(const board_sensors_t *sensors, uint32_t interval_us) {
     marks_bad = sensors->kind == BOARD_SENSORS_ANALOG_6;
-    channels = marks_bad ? 6u : 3u;
+    channels = marks_bad ? 6U : 3U;
     oversample_log2 = sensors->oversample_log2;
     rail_limit = watch_limit(sensors->rail_ms, interval_us, WATCH_RAIL_LEAST);
     stuck_limit = watch_limit(sensors->stuck_ms, interval_us, STUCK_LEAST);
-    for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
+    for (uint32_t i = 0U; i < BOARD_RAW_MAX; i++) {
         watches[i] = (watch_t){0};
     }
     restart();
@@ -102,7 +102,7 @@ bool adc_failed(void) {
 
 void adc_poll(void) {
     if (adc_failed() && systick_ms() - started_ms >= RESTART_MS) {
-        DMA1_CCR1 = 0u;
+        DMA1_CCR1 = 0U;
         DMA1_IFCR = DMA1_IFCR_CGIF1;
         nvic_forget(IRQ_DMA1_Channel1);
         restart();
@@ -128,9 +128,9 @@ static void check_input(uint32_t i, uint16_t count) {
 
 static void publish(void) {
     int16_t *const raw = samples_next();
-    const uint32_t half = (1u << oversample_log2) >> 1;
-    for (uint32_t i = 0u; i < channels; i++) {
-        const bool bad = ((uint32_t)(railed | stuck) >> i & 1u) != 0u;
+    const uint32_t half = (1U << oversample_log2) >> 1;
+    for (uint32_t i = 0U; i < channels; i++) {
+        const bool bad = ((uint32_t)(railed | stuck) >> i & 1U) != 0U;
         raw[i] = marks_bad && bad ? INT16_MIN : (int16_t)((sums[i] + half) >> oversample_log2);
     }
     samples_publish();
@@ -143,12 +143,12 @@ void adc_on_scan(void) {
     const uint32_t both = DMA1_ISR_HTIF1 | DMA1_ISR_TCIF1;
     const bool overrun = (DMA1_ISR & both) == both;
     DMA1_IFCR = DMA1_IFCR_CGIF1;
-    silent_triggers = 0u;
+    silent_triggers = 0U;
     /* The DMA counts the remaining transfers down: at `channels` or below, it is filling the second half, and
      * the first half is complete. */
-    const volatile uint16_t *const scan = &scans[DMA1_CNDTR1 <= channels ? 0u : channels];
-    if (scans_summed == 0u) {
-        for (uint32_t i = 0u; i < channels; i++) {
+    const volatile uint16_t *const scan = &scans[DMA1_CNDTR1 <= channels ? 0U : channels];
+    if (scans_summed == 0U) {
+        for (uint32_t i = 0U; i < channels; i++) {
             check_input(i, scan[i]);
         }
         if (waiting && overrun) { /* two scans are stored: which of them is the sample's is unknown */
@@ -160,16 +160,16 @@ void adc_on_scan(void) {
             return; /* a scan between two samples, or one that began before the sample's trigger */
         }
     }
-    for (uint32_t i = 0u; i < channels; i++) {
-        sums[i] = (uint16_t)(scans_summed == 0u ? scan[i] : sums[i] + scan[i]);
+    for (uint32_t i = 0U; i < channels; i++) {
+        sums[i] = (uint16_t)(scans_summed == 0U ? scan[i] : sums[i] + scan[i]);
     }
     scans_summed++;
-    if (scans_summed < 1u << oversample_log2) {
+    if (scans_summed < 1U << oversample_log2) {
         /* Writing ADON = 1 again, with no other bit changed, starts a conversion (RM0008 11.12.3). */
         ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_DMA | ADC1_CR2_EXTSEL_TIM3 | ADC1_CR2_EXTTRIG;
         return;
     }
-    scans_summed = 0u;
+    scans_summed = 0U;
     waiting = false;
     if (calibrated) {
         publish();
@@ -177,6 +177,6 @@ void adc_on_scan(void) {
 }
 
 void adc_health(board_health_t *health) {
-    health->railed = USED_ANALOG ? railed : 0u;
-    health->stuck = USED_ANALOG ? stuck : 0u;
+    health->railed = USED_ANALOG ? railed : 0U;
+    health->stuck = USED_ANALOG ? stuck : 0U;
 }

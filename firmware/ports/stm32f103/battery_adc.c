@@ -8,7 +8,7 @@
 #include "generated/used_parts.h"
 #include "stm32f103.h"
 
-#define CALIBRATION_POLLS 64u /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
+#define CALIBRATION_POLLS 64U /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
 
 static bool calibrated; /* the converter is in use */
 static uint32_t next;   /* input under way */
@@ -21,9 +21,9 @@ void battery_adc_init(uint32_t pins) {
     /* Calibration may begin two ADC cycles after power-up (RM0008 11.4): the 128 processor cycles of these
      * two polls are more. */
     ADC2_CR2 = ADC2_CR2_ADON;
-    (void)clock_wait(&ADC2_CR2, ADC2_CR2_ADON, 0u, 2u);
+    (void)clock_wait(&ADC2_CR2, ADC2_CR2_ADON, 0U, 2U);
     ADC2_CR2 = ADC2_CR2_ADON | ADC2_CR2_CAL;
-    calibrated = clock_wait(&ADC2_CR2, ADC2_CR2_CAL, 0u, CALIBRATION_POLLS);
+    calibrated = clock_wait(&ADC2_CR2, ADC2_CR2_CAL, 0U, CALIBRATION_POLLS);
     /* 7 us a conversion at 12 MHz, enough for a divider of 50 kOhm (datasheet, table of R_AIN). */
     ADC2_SMPR2 = ADC2_SMPR2_SMP2_71CYC5 | ADC2_SMPR2_SMP8_71CYC5 | ADC2_SMPR2_SMP9_71CYC5;
     ADC2_SQR3 = one_input ? ADC2_SQR3_SQ1_IN2 : ADC2_SQR3_SQ1_IN8;
@@ -32,12 +32,12 @@ void battery_adc_init(uint32_t pins) {
 }
 
 bool board_battery_read(uint16_t counts[BATTERY_INPUTS]) {
-    if (!calibrated || (ADC2_SR & ADC2_SR_EOC) == 0u) {
+    if (!calibrated || (ADC2_SR & ADC2_SR_EOC) == 0U) {
         return false;
     }
     latest[next] = (uint16_t)ADC2_DR; /* clears EOC */
     if (!one_input) {
-        next ^= 1u;
+        next ^= 1U;
         ADC2_SQR3 = ADC2_SQR3_SQ1_IN8 + next;
     }
     ADC2_CR2 = ADC2_CR2_ADON;

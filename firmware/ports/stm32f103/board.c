@@ -33,21 +33,21 @@
 BOARD_GUARDED static uint32_t start_faults; /* BOARD_FAULT_*, decided once */
 static board_identity_t identity;           /* told to hosts; what it decided at the start is in registers */
 
-#define SIZE_UNREADABLE 0xffffu
-#define ERRORS_MAX      255u
+#define SIZE_UNREADABLE 0xffffU
+#define ERRORS_MAX      255U
 
 /* Reads the device signature (RM0008 30) before the clock rises from 8 MHz: at 72 MHz some chips return all
  * ones, and a few always do. The device id register (DBGMCU_IDCODE) reads 0 without a debugger (erratum), so
  * the density is derived from the size of the flash. */
 static void identify(void) {
     const uint32_t flash_kib = DEVICE_FLASH_KIB;
-    identity.flash_kib = flash_kib == SIZE_UNREADABLE ? 0u : flash_kib;
-    for (uint32_t word = 0u; word < 3u; word++) {
+    identity.flash_kib = flash_kib == SIZE_UNREADABLE ? 0U : flash_kib;
+    for (uint32_t word = 0U; word < 3U; word++) {
         identity.unique_id[word] = DEVICE_UID(word);
     }
-    const bool high_density = identity.flash_kib > 128u;
-    identity.part_id = high_density ? 0x414u : 0x410u;
-    identity.ram_kib = high_density ? (identity.flash_kib > 256u ? 64u : 48u) : 20u;
+    const bool high_density = identity.flash_kib > 128U;
+    identity.part_id = high_density ? 0x414U : 0x410U;
+    identity.ram_kib = high_density ? (identity.flash_kib > 256U ? 64U : 48U) : 20U;
     identity.git_hash[0] = image_header.git_hash[0];
     identity.git_hash[1] = image_header.git_hash[1];
     identity.git_dirty = image_header.git_dirty;
@@ -67,7 +67,7 @@ void board_init(const board_setup_t *setup) {
     start_faults = faults_init(&identity);
     /* A crystal that failed in the run before is not tried again, so that neutral pulses begin without delay.
      */
-    if (!clock_init((start_faults & BOARD_FAULT_CRYSTAL) == 0u)) {
+    if (!clock_init((start_faults & BOARD_FAULT_CRYSTAL) == 0U)) {
         start_faults |= BOARD_FAULT_CLOCK_FALLBACK;
     }
     systick_init();
@@ -131,9 +131,9 @@ uint32_t board_faults(void) {
     board_health_t health;
     board_sensor_health(&health);
     const bool sensor_bad = (health.railed | health.stuck | health.gyro | health.accel) != BOARD_SENSOR_GOOD;
-    return start_faults | guard_faults() | bridge_faults() | (USED_WHEELS ? motors_faults() : 0u) |
-           (stall_latched() ? BOARD_FAULT_STALLED : 0u) | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
-           (adc_failed() ? BOARD_FAULT_ADC : 0u) | (sensor_bad ? BOARD_FAULT_SENSOR : 0u) |
-           (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0u) | (late > 0u ? BOARD_FAULT_LATE : 0u) |
+    return start_faults | guard_faults() | bridge_faults() | (USED_WHEELS ? motors_faults() : 0U) |
+           (stall_latched() ? BOARD_FAULT_STALLED : 0U) | (errors > 0U ? BOARD_FAULT_UART_OVERRUN : 0U) |
+           (adc_failed() ? BOARD_FAULT_ADC : 0U) | (sensor_bad ? BOARD_FAULT_SENSOR : 0U) |
+           (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0U) | (late > 0U ? BOARD_FAULT_LATE : 0U) |
            (errors << BOARD_FAULT_UART_COUNT_SHIFT) | (late << BOARD_FAULT_LATE_COUNT_SHIFT);
 }

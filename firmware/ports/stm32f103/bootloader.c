@@ -8,7 +8,7 @@
 #include "app/board_actuators.h"
 #include "stm32f103.h"
 
-#define ASKED         0xb007u /* of 16 bits */
+#define ASKED         0xb007U /* of 16 bits */
 #define BACKUP_CLOCKS (RCC_APB1ENR_PWREN | RCC_APB1ENR_BKPEN)
 #define RESET_CAUSES  (RCC_CSR_SFTRSTF | RCC_CSR_PORRSTF | RCC_CSR_IWDGRSTF | RCC_CSR_WWDGRSTF)
 
@@ -28,8 +28,8 @@ void bootloader_if_asked(void) {
     RCC_APB1ENR |= BACKUP_CLOCKS;
     const bool asked = BKP_DR1 == ASKED;
     PWR_CR |= PWR_CR_DBP;
-    BKP_DR1 = 0u; /* after every reset, so that the word acts on one start only */
-    const bool cleared = BKP_DR1 == 0u;
+    BKP_DR1 = 0U; /* after every reset, so that the word acts on one start only */
+    const bool cleared = BKP_DR1 == 0U;
     PWR_CR &= ~PWR_CR_DBP;
     RCC_APB1ENR &= ~BACKUP_CLOCKS;
     if (by_software && asked && cleared) {

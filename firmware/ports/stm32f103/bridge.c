@@ -20,12 +20,12 @@
 #include "stall.h"
 #include "stm32f103.h"
 
-#define PWM_HZ 20000u
+#define PWM_HZ 20000U
 #define LOW_MIN_NS                                                                                           \
-    1000u /* low side on, in every period: fills the bootstrap capacitors of the high sides                  \
+    1000U /* low side on, in every period: fills the bootstrap capacitors of the high sides                  \
            */
-#define DTG_SINGLE_MAX   127u /* dead times up to here are counted in single steps, RM0008 14.4.18 */
-#define DTG_DOUBLE_MAX   254u
+#define DTG_SINGLE_MAX   127U /* dead times up to here are counted in single steps, RM0008 14.4.18 */
+#define DTG_DOUBLE_MAX   254U
 #define OUTPUTS_OF_PHASE (TIM1_CCER_CC1E | TIM1_CCER_CC1NE)
 #define OUTPUTS_FLOATING TIM1_CCER_CC1E
 #define MODE_LOW         (TIM1_CCMR1_OC1PE | TIM1_CCMR1_OC1M_LOW)
@@ -41,15 +41,15 @@ static volatile uint32_t hall_edges;
 static uint32_t changed_at; /* SysTick at the last COM event */
 
 static uint32_t hall_now(void) {
-    return (GPIOA_IDR >> 15 & 1u) | (GPIOB_IDR >> 3 & 1u) << 1 | (GPIOB_IDR >> 10 & 1u) << 2;
+    return (GPIOA_IDR >> 15 & 1U) | (GPIOB_IDR >> 3 & 1U) << 1 | (GPIOB_IDR >> 10 & 1U) << 2;
 }
 
 /* The timer inserts the dead time between low side off and high side on only while both outputs of a phase
  * are enabled. A phase that floats in between is not covered, so two COM events are kept at least a dead time
  * apart. */
 static void wait_dead_time(void) {
-    const uint32_t reload = clock_mhz() * 1000u;
-    for (uint32_t polls = dead_cycles; polls > 0u; polls--) {
+    const uint32_t reload = clock_mhz() * 1000U;
+    for (uint32_t polls = dead_cycles; polls > 0U; polls--) {
         if ((changed_at + reload - SYST_CVR) % reload >= dead_cycles) {
             break;
         }
@@ -59,7 +59,7 @@ static void wait_dead_time(void) {
 
 /* Preloads the output modes (8 bits a phase) and enables (4 bits a phase); the COM event activates them. */
 static void preload(uint32_t modes, uint32_t outputs) {
-    TIM1_CCMR1 = modes & 0xffffu;
+    TIM1_CCMR1 = modes & 0xffffU;
     TIM1_CCMR2 = modes >> 16;
     TIM1_CCER = outputs;
 }
@@ -80,13 +80,13 @@ void bridge_handler(void) {
     }
     if (hall_failed) { /* stays so until the next run */
         TIM1_BDTR &= ~TIM1_BDTR_MOE;
-        c = (commutation_t){.on = 0u};
+        c = (commutation_t){.on = 0U};
     }
-    uint32_t modes = 0u, outputs = 0u;
-    for (uint32_t phase = 0u; phase < COMMUTATION_PHASES; phase++) {
+    uint32_t modes = 0U, outputs = 0U;
+    for (uint32_t phase = 0U; phase < COMMUTATION_PHASES; phase++) {
         const uint32_t mode = c.drive[phase] == COMMUTATION_PWM ? TIM1_CCMR1_OC1M_PWM1 : TIM1_CCMR1_OC1M_LOW;
-        modes |= (TIM1_CCMR1_OC1PE | mode) << 8u * phase;
-        outputs |= (c.drive[phase] == COMMUTATION_FLOAT ? OUTPUTS_FLOATING : OUTPUTS_OF_PHASE) << 4u * phase;
+        modes |= (TIM1_CCMR1_OC1PE | mode) << 8U * phase;
+        outputs |= (c.drive[phase] == COMMUTATION_FLOAT ? OUTPUTS_FLOATING : OUTPUTS_OF_PHASE) << 4U * phase;
     }
     TIM1_CCR1 = c.on;
     TIM1_CCR2 = c.on;
@@ -97,22 +97,22 @@ void bridge_handler(void) {
 }
 
 static void commutate(void) {
-    NVIC_ISPR(IRQ_TIM2 / 32u) = 1u << IRQ_TIM2 % 32u;
+    NVIC_ISPR(IRQ_TIM2 / 32U) = 1U << IRQ_TIM2 % 32U;
 }
 
 void bridge_init(uint32_t dead_time_ns) {
     const uint32_t mhz = clock_mhz();
-    const uint32_t dead = (dead_time_ns * mhz + 999u) / 1000u;
+    const uint32_t dead = (dead_time_ns * mhz + 999U) / 1000U;
     dead_cycles = dead < DTG_DOUBLE_MAX ? dead : DTG_DOUBLE_MAX;
-    period = mhz * 1000000u / PWM_HZ / 2u;
-    on_max = period - dead_cycles - LOW_MIN_NS * mhz / 2000u;
+    period = mhz * 1000000U / PWM_HZ / 2U;
+    on_max = period - dead_cycles - LOW_MIN_NS * mhz / 2000U;
 
     RCC_APB2ENR |= RCC_APB2ENR_TIM1EN;
     TIM1_CR2 = TIM1_CR2_CCPC;
-    TIM1_PSC = 0u;
+    TIM1_PSC = 0U;
     TIM1_ARR = period;
     const uint32_t coded =
-        dead_cycles <= DTG_SINGLE_MAX ? dead_cycles : TIM1_BDTR_DTG_DOUBLE | ((dead_cycles + 1u) / 2u - 64u);
+        dead_cycles <= DTG_SINGLE_MAX ? dead_cycles : TIM1_BDTR_DTG_DOUBLE | ((dead_cycles + 1U) / 2U - 64U);
     /* Break input active low and pulled down: an open wire trips it. */
     TIM1_BDTR = coded | TIM1_BDTR_OSSI | TIM1_BDTR_OSSR | TIM1_BDTR_BKE | TIM1_BDTR_LOCK_LEVEL2;
     preload(MODE_LOW << 16 | MODE_LOW << 8 | MODE_LOW,
@@ -162,7 +162,7 @@ int16_t bridge_hall_count(void) {
 }
 
 bool bridge_on(void) {
-    return USED_BRIDGE && (RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0u && (TIM1_BDTR & TIM1_BDTR_MOE) != 0u;
+    return USED_BRIDGE && (RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0U && (TIM1_BDTR & TIM1_BDTR_MOE) != 0U;
 }
 
 /* Reads no memory: the fault handler calls it, too. */
@@ -182,7 +182,7 @@ void bridge_clear_faults(void) {
 
 uint32_t bridge_faults(void) {
     if (!USED_BRIDGE || !wired) {
-        return 0u;
+        return 0U;
     }
-    return ((TIM1_SR & TIM1_SR_BIF) != 0u ? BOARD_FAULT_BRIDGE : 0u) | (hall_failed ? BOARD_FAULT_HALL : 0u);
+    return ((TIM1_SR & TIM1_SR_BIF) != 0U ? BOARD_FAULT_BRIDGE : 0U) | (hall_failed ? BOARD_FAULT_HALL : 0U);
 }

@@ -15,19 +15,19 @@
 #include "stm32f103.h"
 #include "systick.h"
 
-#define CRYSTAL_MHZ  72u
-#define QUANTA_KHZ   2000u /* prescaler times kbit/s: 36 MHz over the 18 quanta of a bit, sampled at 16 */
-#define RX_FRAMES    16u   /* a power of two; 1.8 ms at 1 Mbit/s */
-#define BANK_IDS     4u
-#define REST_MIN_MS  10u
-#define REST_MAX_MS  1000u
-#define GIVE_UP_MS   500u
+#define CRYSTAL_MHZ  72U
+#define QUANTA_KHZ   2000U /* prescaler times kbit/s: 36 MHz over the 18 quanta of a bit, sampled at 16 */
+#define RX_FRAMES    16U   /* a power of two; 1.8 ms at 1 Mbit/s */
+#define BANK_IDS     4U
+#define REST_MIN_MS  10U
+#define REST_MAX_MS  1000U
+#define GIVE_UP_MS   500U
 #define ALL_EMPTY    (CAN_TSR_TME0 | CAN_TSR_TME1 | CAN_TSR_TME2)
 #define ABORT_ALL    (CAN_TSR_ABRQ0 | CAN_TSR_ABRQ1 | CAN_TSR_ABRQ2)
-#define STANDARD_ID  21u /* position of an 11-bit identifier in a mailbox */
-#define FILTER_ID    5u  /* and in a filter of 16 bits; the bits below say: data frame, no extension */
-#define MAILBOX_STEP 4u  /* registers */
-#define FIFO_MASK    (RX_FRAMES - 1u)
+#define STANDARD_ID  21U /* position of an 11-bit identifier in a mailbox */
+#define FILTER_ID    5U  /* and in a filter of 16 bits; the bits below say: data frame, no extension */
+#define MAILBOX_STEP 4U  /* registers */
+#define FIFO_MASK    (RX_FRAMES - 1U)
 
 typedef enum {
     CAN_OFF,     /* no crystal */
@@ -75,26 +75,26 @@ bool can_overrun(void) {
  * its first identifier. */
 static void set_filters(const uint16_t *ids, size_t count) {
     volatile uint32_t *const bank = &CAN_F0R1;
-    uint32_t active = 0u;
+    uint32_t active = 0U;
     CAN_FMR |= CAN_FMR_FINIT;
-    for (size_t from = 0u; from < count; from += BANK_IDS) {
+    for (size_t from = 0U; from < count; from += BANK_IDS) {
         uint32_t filter[BANK_IDS];
-        for (size_t i = 0u; i < BANK_IDS; i++) {
+        for (size_t i = 0U; i < BANK_IDS; i++) {
             filter[i] = (uint32_t)ids[from + i < count ? from + i : from] << FILTER_ID;
         }
-        bank[from / 2u] = filter[0] | filter[1] << 16;
-        bank[from / 2u + 1u] = filter[2] | filter[3] << 16;
-        active = active << 1 | 1u;
+        bank[from / 2U] = filter[0] | filter[1] << 16;
+        bank[from / 2U + 1U] = filter[2] | filter[3] << 16;
+        active = active << 1 | 1U;
     }
     CAN_FM1R = active;
-    CAN_FS1R = 0u;
-    CAN_FFA1R = 0u;
+    CAN_FS1R = 0U;
+    CAN_FFA1R = 0U;
     CAN_FA1R = active;
     CAN_FMR &= ~CAN_FMR_FINIT;
 }
 
 static void set_up(const uint16_t *ids, size_t count) {
-    CAN_BTR = CAN_BTR_SJW_2 | CAN_BTR_TS2_2 | CAN_BTR_TS1_15 | (QUANTA_KHZ / rate_kbit - 1u);
+    CAN_BTR = CAN_BTR_SJW_2 | CAN_BTR_TS2_2 | CAN_BTR_TS1_15 | (QUANTA_KHZ / rate_kbit - 1U);
     set_filters(ids, count);
     CAN_IER = CAN_IER_TMEIE | CAN_IER_FMPIE0;
     CAN_MCR &= ~CAN_MCR_INRQ;
@@ -108,7 +108,7 @@ static void go_off(void) {
 
 /* While on the bus: handles bus-off and frames without acknowledgement. errors: CAN_ESR. */
 static void monitor(uint32_t errors, uint32_t now_ms) {
-    if ((errors & CAN_ESR_BOFF) != 0u) {
+    if ((errors & CAN_ESR_BOFF) != 0U) {
         go_off();
     } else if (now_ms - since_ms >= REST_MAX_MS) {
         rest_ms = REST_MIN_MS; /* on the bus for REST_MAX_MS: the next pause is short again */
@@ -135,12 +135,12 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
     const uint32_t errors = CAN_ESR;
     switch (state) {
     case CAN_ASKING:
-        if ((CAN_MSR & CAN_MSR_INAK) != 0u) {
+        if ((CAN_MSR & CAN_MSR_INAK) != 0U) {
             set_up(ids, count);
         }
         break;
     case CAN_JOINING:
-        if ((CAN_MSR & CAN_MSR_INAK) == 0u && (errors & CAN_ESR_BOFF) == 0u) {
+        if ((CAN_MSR & CAN_MSR_INAK) == 0U && (errors & CAN_ESR_BOFF) == 0U) {
             sent_ms = now_ms; /* the time limit of frames in the mailboxes begins now */
             enter(CAN_ON);
         }
@@ -150,7 +150,7 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
         break;
     default:
         if (now_ms - since_ms >= rest_ms) {
-            rest_ms = 2u * rest_ms < REST_MAX_MS ? 2u * rest_ms : REST_MAX_MS;
+            rest_ms = 2U * rest_ms < REST_MAX_MS ? 2U * rest_ms : REST_MAX_MS;
             CAN_MCR |= CAN_MCR_INRQ;
             enter(CAN_ASKING);
         }
@@ -168,12 +168,12 @@ const board_can_health_t *board_can_health(void) {
 void can_rx_handler(void) {
     for (;;) {
         const uint32_t status = CAN_RF0R;
-        if ((status & CAN_RF0R_FOVR0) != 0u) {
+        if ((status & CAN_RF0R_FOVR0) != 0U) {
             CAN_RF0R = CAN_RF0R_FOVR0;
             overrun = true;
         }
         /* While a release is under way the next frame is not visible yet; its interrupt will come. */
-        if ((status & CAN_RF0R_FMP0) == 0u || (status & CAN_RF0R_RFOM0) != 0u) {
+        if ((status & CAN_RF0R_FMP0) == 0U || (status & CAN_RF0R_RFOM0) != 0U) {
             break;
         }
         if (rx_in - rx_out >= RX_FRAMES) {
@@ -185,14 +185,14 @@ void can_rx_handler(void) {
         can_frame_t *const frame = &rx_ring[rx_in & FIFO_MASK];
         const uint32_t low = mailbox[2], high = mailbox[3];
         frame->id = (uint16_t)(mailbox[0] >> STANDARD_ID);
-        frame->dlc = (uint8_t)(mailbox[1] & 15u);
-        for (uint32_t i = 0u; i < 4u; i++) {
-            frame->data[i] = (uint8_t)(low >> (8u * i));
-            frame->data[4u + i] = (uint8_t)(high >> (8u * i));
+        frame->dlc = (uint8_t)(mailbox[1] & 15U);
+        for (uint32_t i = 0U; i < 4U; i++) {
+            frame->data[i] = (uint8_t)(low >> (8U * i));
+            frame->data[4U + i] = (uint8_t)(high >> (8U * i));
         }
         CAN_RF0R = CAN_RF0R_RFOM0;
         memory_fence();
-        rx_in = rx_in + 1u;
+        rx_in = rx_in + 1U;
     }
     idle_end();
 }
@@ -203,7 +203,7 @@ bool board_can_read(can_frame_t *frame) {
     }
     *frame = rx_ring[rx_out & FIFO_MASK];
     memory_fence();
-    rx_out = rx_out + 1u;
+    rx_out = rx_out + 1U;
     if (rx_stopped) {
         rx_stopped = false;
         CAN_IER = CAN_IER_TMEIE | CAN_IER_FMPIE0;
@@ -212,7 +212,7 @@ bool board_can_read(can_frame_t *frame) {
 }
 
 bool board_can_room(void) {
-    return state == CAN_ON && (CAN_TSR & ALL_EMPTY) != 0u;
+    return state == CAN_ON && (CAN_TSR & ALL_EMPTY) != 0U;
 }
 
 void board_can_send(const can_frame_t *frame) {
@@ -221,9 +221,9 @@ void board_can_send(const can_frame_t *frame) {
     if ((status & ALL_EMPTY) == ALL_EMPTY) {
         sent_ms = systick_ms();
     }
-    uint32_t word[2] = {0u, 0u};
-    for (uint32_t i = 0u; i < 8u; i++) {
-        word[i / 4u] |= (uint32_t)frame->data[i] << (8u * (i % 4u));
+    uint32_t word[2] = {0U, 0U};
+    for (uint32_t i = 0U; i < 8U; i++) {
+        word[i / 4U] |= (uint32_t)frame->data[i] << (8U * (i % 4U));
     }
     mailbox[1] = frame->dlc;
     mailbox[2] = word[0];

@@ -6,22 +6,22 @@
 
 /* Each bound is the datasheet's worst case, generously rounded up, at the frequency the processor has then.
  */
-#define POLL_CYCLES      64u
+#define POLL_CYCLES      64U
 #define POLLS(us, mhz)   (((us) * (mhz)) / POLL_CYCLES)
-#define CRYSTAL_POLLS    POLLS(100000u, 8u) /* typically 2 ms, slow crystals some 10 ms */
-#define OSCILLATOR_POLLS POLLS(1000u, 8u)   /* HSI starts within 2 us */
-#define PLL_POLLS        POLLS(1000u, 8u)   /* locks within 200 us */
-#define SWITCH_POLLS     POLLS(100u, 72u)   /* a few cycles of either clock */
+#define CRYSTAL_POLLS    POLLS(100000U, 8U) /* typically 2 ms, slow crystals some 10 ms */
+#define OSCILLATOR_POLLS POLLS(1000U, 8U)   /* HSI starts within 2 us */
+#define PLL_POLLS        POLLS(1000U, 8U)   /* locks within 200 us */
+#define SWITCH_POLLS     POLLS(100U, 72U)   /* a few cycles of either clock */
 
 BOARD_GUARDED static uint32_t mhz;
 
 bool clock_wait(volatile const uint32_t *address, uint32_t mask, uint32_t value, uint32_t polls) {
-    for (; polls > 0u; polls--) {
+    for (; polls > 0U; polls--) {
         if ((*address & mask) == value) {
             return true;
         }
         /* Subtract and taken branch: at least 4 cycles a turn. */
-        uint32_t turns = POLL_CYCLES / 4u;
+        uint32_t turns = POLL_CYCLES / 4U;
         __asm volatile("1: subs %0, %0, #1 \n bne 1b" : "+r"(turns)::"cc");
     }
     return false;
@@ -44,7 +44,7 @@ bool clock_init(bool try_crystal) {
     RCC_CR |= RCC_CR_HSION;
     (void)clock_wait(&RCC_CR, RCC_CR_HSIRDY, RCC_CR_HSIRDY, OSCILLATOR_POLLS);
     RCC_CFGR &= ~RCC_CFGR_SW; /* nothing else of it may change while the PLL runs */
-    (void)clock_wait(&RCC_CFGR, RCC_CFGR_SWS, 0u, SWITCH_POLLS);
+    (void)clock_wait(&RCC_CFGR, RCC_CFGR_SWS, 0U, SWITCH_POLLS);
     RCC_CR &= ~(RCC_CR_PLLON | RCC_CR_HSEON | RCC_CR_CSSON);
 
     /* Two wait states above 48 MHz, prefetch on, before the clock rises (RM0008 3.3.3). */
@@ -58,15 +58,15 @@ bool clock_init(bool try_crystal) {
         /* When the crystal fails from here on, the clock becomes 8 MHz internal and NMI is raised (RM0008
          * 7.2.7). */
         RCC_CR |= RCC_CR_CSSON;
-        mhz = 72u;
+        mhz = 72U;
         return true;
     }
-    RCC_CFGR = 0u;
+    RCC_CFGR = 0U;
     RCC_CR &= ~(RCC_CR_PLLON | RCC_CR_HSEON);
-    (void)clock_wait(&RCC_CR, RCC_CR_PLLRDY, 0u, PLL_POLLS); /* PLLMUL is locked while the PLL runs */
-    mhz = run_from_pll(RCC_CFGR_PLLMUL_X16) ? 64u : 8u;
-    if (mhz == 8u) {
-        RCC_CFGR = 0u;
+    (void)clock_wait(&RCC_CR, RCC_CR_PLLRDY, 0U, PLL_POLLS); /* PLLMUL is locked while the PLL runs */
+    mhz = run_from_pll(RCC_CFGR_PLLMUL_X16) ? 64U : 8U;
+    if (mhz == 8U) {
+        RCC_CFGR = 0U;
     }
     return false;
 }
@@ -76,5 +76,5 @@ uint32_t clock_mhz(void) {
 }
 
 uint32_t clock_pclk1_mhz(void) {
-    return mhz > 36u ? mhz / 2u : mhz;
+    return mhz > 36U ? mhz / 2U : mhz;
 }

@@ -8,7 +8,7 @@
 #include "core/digest.h"
 #include "stm32f103.h"
 
-#define REFLECTED 0xedb88320u
+#define REFLECTED 0xedb88320U
 
 static void begin(void) {
     RCC_AHBENR |= RCC_AHBENR_CRCEN; /* also before board_init(): saved parameters are read first */
@@ -47,8 +47,8 @@ uint32_t crc_of_words(const uint32_t *from, const uint32_t *end) {
 uint32_t digest_crc32(const void *data, size_t bytes) {
     begin();
     const uint8_t *at = data; /* any address: this processor reads words at all of them */
-    const uint8_t *const fours = at + (bytes & ~(size_t)15u);
-    const uint8_t *const tail = at + (bytes & ~(size_t)3u);
+    const uint8_t *const fours = at + (bytes & ~(size_t)15U);
+    const uint8_t *const tail = at + (bytes & ~(size_t)3U);
     if (at != fours) { /* four words in 20 cycles; the unit needs 16 */
         __asm volatile(".p2align 3 \n"
                        "1: ldr r5, [%0, #4] \n ldr r6, [%0, #8] \n ldr r8, [%0, #12] \n ldr r4, [%0], #16 \n"
@@ -75,10 +75,10 @@ uint32_t digest_crc32(const void *data, size_t bytes) {
     }
     uint32_t crc;
     __asm volatile("rbit %0, %1" : "=r"(crc) : "r"(CRC_DR));
-    for (size_t left = bytes % 4u; left > 0u; left--) { /* the unit takes words only */
+    for (size_t left = bytes % 4U; left > 0U; left--) { /* the unit takes words only */
         crc ^= *at++;
-        for (uint32_t bit = 0u; bit < 8u; bit++) {
-            crc = (crc >> 1) ^ (REFLECTED & (0u - (crc & 1u)));
+        for (uint32_t bit = 0U; bit < 8U; bit++) {
+            crc = (crc >> 1) ^ (REFLECTED & (0U - (crc & 1U)));
         }
     }
     return ~crc;

@@ -5,10 +5,10 @@
 #include "entropy.h"
 #include "linker.h"
 
-#define RAM_END  ((const uint32_t *)0x20005000u) /* of the smallest part, 20 KiB */
-#define FNV      16777619u                       /* FNV-1a, word by word */
-#define STRIDE   1664525u                        /* with an odd increment the period is 2^32 */
-#define INCREASE 1013904223u
+#define RAM_END  ((const uint32_t *)0x20005000U) /* of the smallest part, 20 KiB */
+#define FNV      16777619U                       /* FNV-1a, word by word */
+#define STRIDE   1664525U                        /* with an odd increment the period is 2^32 */
+#define INCREASE 1013904223U
 
 static uint32_t starts __attribute__((section(".noinit")));
 

@@ -8,11 +8,11 @@
 #include "pwm.h"
 #include "stm32f103.h"
 
-#define NOTE_MAGIC      0x4e4f5445u
-#define GUARD_WORDS     8u
-#define GUARD_PATTERN   0x5ac35ac3u
-#define EXCEPTION_STACK 0u /* there is no exception 0: the guard was overwritten */
-#define EXCEPTION_NMI   2u /* the clock security system, and nothing else on this part (RM0008 7.2.7) */
+#define NOTE_MAGIC      0x4e4f5445U
+#define GUARD_WORDS     8U
+#define GUARD_PATTERN   0x5ac35ac3U
+#define EXCEPTION_STACK 0U /* there is no exception 0: the guard was overwritten */
+#define EXCEPTION_NMI   2U /* the clock security system, and nothing else on this part (RM0008 7.2.7) */
 
 /* Kept over a reset: the start-up code clears .bss and leaves .noinit alone. */
 typedef struct {
@@ -35,8 +35,8 @@ __attribute__((noreturn)) static void crash(uint32_t exception, uint32_t pc) {
 /* frame: where the processor stored r0 to r3, r12, lr, pc, psr, unless the stack itself was at fault. */
 __attribute__((noreturn, used)) void fault_found(const uint32_t *frame, uint32_t exception);
 void fault_found(const uint32_t *frame, uint32_t exception) {
-    const bool stored = frame >= stack_guard && frame + 8 <= ram_end && ((uintptr_t)frame & 3u) == 0u;
-    crash(exception, stored ? frame[6] : 0u);
+    const bool stored = frame >= stack_guard && frame + 8 <= ram_end && ((uintptr_t)frame & 3U) == 0U;
+    crash(exception, stored ? frame[6] : 0U);
 }
 
 __attribute__((naked)) void fault_entry(void) {
@@ -50,16 +50,16 @@ __attribute__((naked)) void fault_entry(void) {
 }
 
 void faults_check_stack(void) {
-    for (uint32_t i = 0u; i < GUARD_WORDS; i++) {
+    for (uint32_t i = 0U; i < GUARD_WORDS; i++) {
         if (stack_guard[i] != GUARD_PATTERN) {
-            crash(EXCEPTION_STACK, 0u);
+            crash(EXCEPTION_STACK, 0U);
         }
     }
 }
 
 uint32_t faults_init(board_identity_t *identity) {
-    uint32_t found = 0u;
-    for (uint32_t i = 0u; i < GUARD_WORDS; i++) {
+    uint32_t found = 0U;
+    for (uint32_t i = 0U; i < GUARD_WORDS; i++) {
         stack_guard[i] = GUARD_PATTERN;
     }
     if (note.magic == NOTE_MAGIC && note.check == (note.magic ^ note.exception ^ note.pc)) {
@@ -67,10 +67,10 @@ uint32_t faults_init(board_identity_t *identity) {
         identity->crash_exception = note.exception;
         identity->crash_pc = note.pc;
     }
-    note.magic = 0u;
+    note.magic = 0U;
     const uint32_t cause = RCC_CSR;
     identity->reset_cause = cause >> 24;
-    if ((cause & (RCC_CSR_IWDGRSTF | RCC_CSR_WWDGRSTF)) != 0u) {
+    if ((cause & (RCC_CSR_IWDGRSTF | RCC_CSR_WWDGRSTF)) != 0U) {
         found |= BOARD_FAULT_WATCHDOG;
     }
     RCC_CSR = cause | RCC_CSR_RMVF; /* else the flags add up over resets (RM0008 7.3.10) */

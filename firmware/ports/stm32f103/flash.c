@@ -10,11 +10,11 @@
 #include "stm32f103.h"
 #include "watchdog.h"
 
-#define MEDIUM_DENSITY_KIB 128u
-#define SLOT_BYTES         (2u * BOARD_STORE_HALFWORDS)
+#define MEDIUM_DENSITY_KIB 128U
+#define SLOT_BYTES         (2U * BOARD_STORE_HALFWORDS)
 /* Twice the worst case, in polls of 64 cycles at 72 MHz; a stalled processor only polls more slowly. */
-#define ERASE_POLLS   90000u
-#define PROGRAM_POLLS 160u
+#define ERASE_POLLS   90000U
+#define PROGRAM_POLLS 160U
 #define ERRORS        (FLASH_SR_PGERR | FLASH_SR_WRPRTERR)
 
 static volatile uint16_t *slot_start(uint32_t slot) {
@@ -34,12 +34,12 @@ static void write_keys(void) {
  * it is unlocked lock it until the next reset, so they are written when LOCK says so; and, for clones whose
  * LOCK reads 0 while they are locked, once after a write of CR that changed nothing. */
 static bool unlock(uint32_t mode) {
-    if ((FLASH_CR & FLASH_CR_LOCK) != 0u) {
+    if ((FLASH_CR & FLASH_CR_LOCK) != 0U) {
         write_keys();
     }
     FLASH_SR = ERRORS | FLASH_SR_EOP; /* cleared by writing 1 */
     FLASH_CR = mode;
-    if ((FLASH_CR & mode) == 0u) {
+    if ((FLASH_CR & mode) == 0U) {
         write_keys();
         FLASH_CR = mode;
     }
@@ -48,8 +48,8 @@ static bool unlock(uint32_t mode) {
 
 /* Waits for the end of the operation, then locks the controller. */
 static bool finish(uint32_t polls) {
-    const bool ended = clock_wait(&FLASH_SR, FLASH_SR_BSY, 0u, polls);
-    const bool good = ended && (FLASH_SR & ERRORS) == 0u;
+    const bool ended = clock_wait(&FLASH_SR, FLASH_SR_BSY, 0U, polls);
+    const bool good = ended && (FLASH_SR & ERRORS) == 0U;
     FLASH_CR = FLASH_CR_LOCK;
     return good;
 }
@@ -68,9 +68,9 @@ static bool erase_page(uint32_t address) {
 bool board_store_erase(uint32_t slot) {
     const uint32_t start = (uint32_t)(uintptr_t)slot_start(slot);
     /* When the size is unreadable: 1 KiB, which erases a page of 2 KiB twice. */
-    const uint32_t page_bytes = board_identity()->flash_kib > MEDIUM_DENSITY_KIB ? 2048u : 1024u;
+    const uint32_t page_bytes = board_identity()->flash_kib > MEDIUM_DENSITY_KIB ? 2048U : 1024U;
     bool good = true;
-    for (uint32_t at = 0u; at < SLOT_BYTES && good; at += page_bytes) {
+    for (uint32_t at = 0U; at < SLOT_BYTES && good; at += page_bytes) {
         good = erase_page(start + at);
     }
     return good;

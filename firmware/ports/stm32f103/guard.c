@@ -9,8 +9,8 @@
 #include "crc.h"
 #include "linker.h"
 
-#define RELEASED 0xc3a5961eu /* the only value of `state` that switches the check off */
-#define UPSET    0x5be11d37u
+#define RELEASED 0xc3a5961eU /* the only value of `state` that switches the check off */
+#define UPSET    0x5be11d37U
 
 static uint32_t state, state_word, parameters_word;
 static uint32_t found;   /* 0: no upset since the start */
@@ -38,7 +38,7 @@ bool board_memory_intact(void) {
 
 void board_memory_seal(void) {
     state_word = crc_of_words(guarded_start, guarded_end);
-    state = 0u;
+    state = 0U;
 }
 
 void board_memory_release(void) {
@@ -50,5 +50,5 @@ void board_parameters_seal(void) {
 }
 
 uint32_t guard_faults(void) {
-    return found != 0u ? BOARD_FAULT_UPSET : 0u;
+    return found != 0U ? BOARD_FAULT_UPSET : 0U;
 }

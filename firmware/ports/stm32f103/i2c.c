@@ -18,13 +18,13 @@
 #include "pins.h"
 #include "stm32f103.h"
 
-#define SPEED_KHZ     400u
-#define RISE_NS       300u /* of fast mode, at most */
-#define STOP_POLLS    32u  /* a STOP takes a clock of the bus, 2.5 us: about 3 polls */
-#define SCL           8u
-#define SDA           9u
-#define RECOVER_START 19u /* half clocks of recovery: 1 to 18 free SDA, then START and STOP */
-#define RECOVER_STOP  20u
+#define SPEED_KHZ     400U
+#define RISE_NS       300U /* of fast mode, at most */
+#define STOP_POLLS    32U  /* a STOP takes a clock of the bus, 2.5 us: about 3 polls */
+#define SCL           8U
+#define SDA           9U
+#define RECOVER_START 19U /* half clocks of recovery: 1 to 18 free SDA, then START and STOP */
+#define RECOVER_STOP  20U
 
 typedef enum { IDLE, START, ADDRESS, REGISTER, VALUE, RESTART, READ_ADDRESS, DATA } state_t;
 
@@ -37,14 +37,14 @@ static uint32_t recover_step;
 
 static void reset(void) {
     state = IDLE;
-    DMA1_CCR7 = 0u;
+    DMA1_CCR7 = 0U;
     DMA1_IFCR = DMA1_IFCR_CGIF7;
     I2C1_CR1 = I2C1_CR1_SWRST;
-    I2C1_CR1 = 0u;
+    I2C1_CR1 = 0U;
     I2C1_CR2 = pclk1_mhz;
     I2C1_CCR =
-        I2C1_CCR_F_S | ((pclk1_mhz * 1000u + 3u * SPEED_KHZ - 1u) / (3u * SPEED_KHZ)); /* low 2, high 1 */
-    I2C1_TRISE = pclk1_mhz * RISE_NS / 1000u + 1u;
+        I2C1_CCR_F_S | ((pclk1_mhz * 1000U + 3U * SPEED_KHZ - 1U) / (3U * SPEED_KHZ)); /* low 2, high 1 */
+    I2C1_TRISE = pclk1_mhz * RISE_NS / 1000U + 1U;
     I2C1_CR1 = I2C1_CR1_PE;
 }
 
@@ -73,7 +73,7 @@ void i2c_access(uint8_t slave, uint8_t at, uint8_t *data, uint32_t to_read) {
 static transfer_t finish(transfer_t result) {
     I2C1_CR2 = pclk1_mhz;
     I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_STOP;
-    if (!clock_wait(&I2C1_CR1, I2C1_CR1_STOP, 0u, STOP_POLLS)) {
+    if (!clock_wait(&I2C1_CR1, I2C1_CR1_STOP, 0U, STOP_POLLS)) {
         reset();
         result = TRANSFER_FAILED;
     }
@@ -86,7 +86,7 @@ static void receive(void) {
     DMA1_CNDTR7 = count;
     DMA1_CCR7 = DMA1_CCR1_EN | DMA1_CCR1_MINC | DMA1_CCR1_TCIE | DMA1_CCR1_PL_HIGH;
     I2C1_CR2 = pclk1_mhz | I2C1_CR2_ITEVTEN | I2C1_CR2_ITERREN | I2C1_CR2_DMAEN | I2C1_CR2_LAST;
-    I2C1_CR1 = I2C1_CR1_PE | (count > 1u ? I2C1_CR1_ACK : 0u);
+    I2C1_CR1 = I2C1_CR1_PE | (count > 1U ? I2C1_CR1_ACK : 0U);
 }
 
 /* An event of another state is a flag that is still being cleared: ignored, the interrupt comes again. */
@@ -95,21 +95,21 @@ transfer_t i2c_on_event(void) {
     switch (state) {
     case START:
     case RESTART:
-        if ((event & I2C1_SR1_SB) != 0u) {
-            I2C1_DR = address | (state == RESTART ? 1u : 0u);
+        if ((event & I2C1_SR1_SB) != 0U) {
+            I2C1_DR = address | (state == RESTART ? 1U : 0U);
             state = state == RESTART ? READ_ADDRESS : ADDRESS;
         }
         break;
     case ADDRESS:
-        if ((event & I2C1_SR1_ADDR) != 0u) {
+        if ((event & I2C1_SR1_ADDR) != 0U) {
             (void)I2C1_SR2;
             I2C1_DR = reg;
             state = REGISTER;
         }
         break;
     case REGISTER:
-        if ((event & I2C1_SR1_BTF) != 0u) {
-            if (count == 0u) {
+        if ((event & I2C1_SR1_BTF) != 0U) {
+            if (count == 0U) {
                 I2C1_DR = *bytes;
                 state = VALUE;
             } else {
@@ -119,12 +119,12 @@ transfer_t i2c_on_event(void) {
         }
         break;
     case VALUE:
-        if ((event & I2C1_SR1_BTF) != 0u) {
+        if ((event & I2C1_SR1_BTF) != 0U) {
             return finish(TRANSFER_DONE);
         }
         break;
     case READ_ADDRESS:
-        if ((event & I2C1_SR1_ADDR) != 0u) {
+        if ((event & I2C1_SR1_ADDR) != 0U) {
             receive();
             (void)I2C1_SR2; /* from here on the clock runs */
             state = DATA;
@@ -138,17 +138,17 @@ transfer_t i2c_on_event(void) {
 
 transfer_t i2c_on_dma(void) {
     DMA1_IFCR = DMA1_IFCR_CGIF7;
-    DMA1_CCR7 = 0u;
+    DMA1_CCR7 = 0U;
     return state == DATA ? finish(TRANSFER_DONE) : TRANSFER_UNDER_WAY;
 }
 
 transfer_t i2c_on_error(void) {
     const uint32_t error = I2C1_SR1;
-    I2C1_SR1 = 0u; /* clears the error flags alone (RM0008 26.6.6) */
+    I2C1_SR1 = 0U; /* clears the error flags alone (RM0008 26.6.6) */
     if (state == IDLE) {
         return TRANSFER_UNDER_WAY;
     }
-    if ((error & I2C1_SR1_AF) != 0u) {
+    if ((error & I2C1_SR1_AF) != 0U) {
         return finish(TRANSFER_REFUSED);
     }
     i2c_abort();
@@ -157,28 +157,28 @@ transfer_t i2c_on_error(void) {
 
 void i2c_abort(void) {
     reset();
-    recover_step = 0u;
+    recover_step = 0U;
 }
 
 static void drive(uint32_t pin, bool high) {
-    GPIOB_BSRR = 1u << (high ? pin : pin + 16u);
+    GPIOB_BSRR = 1U << (high ? pin : pin + 16U);
 }
 
 bool i2c_recover(void) {
     const uint32_t step = recover_step;
-    if (step == 0u) {
-        I2C1_CR1 = 0u;
+    if (step == 0U) {
+        I2C1_CR1 = 0U;
         drive(SCL, true);
         drive(SDA, true);
         pins_set_mode(&GPIOB_CRH, SCL, PIN_OPEN_DRAIN);
         pins_set_mode(&GPIOB_CRH, SDA, PIN_OPEN_DRAIN);
     } else if (step < RECOVER_START) {
-        drive(SCL, step % 2u == 0u);
+        drive(SCL, step % 2U == 0U);
     } else { /* with SCL high */
         drive(SDA, step == RECOVER_STOP);
     }
     recover_step++;
-    if (step > 0u && step % 2u == 0u && step < RECOVER_START && (GPIOB_IDR & 1u << SDA) != 0u) {
+    if (step > 0U && step % 2U == 0U && step < RECOVER_START && (GPIOB_IDR & 1U << SDA) != 0U) {
         recover_step = RECOVER_START;
     }
     if (step < RECOVER_STOP) {

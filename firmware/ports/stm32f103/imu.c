@@ -16,17 +16,17 @@
 #include "spi.h"
 #include <stddef.h>
 
-#define TRIES     3u
-#define ACCESS_MS 2u   /* reading 14 bytes takes 0.4 ms at 400 kHz */
-#define RETRY_MS  20u  /* from the loss of an accelerometer to the next set-up */
-#define AWAIT_MS  200u /* for the first sample: the accelerometer's slowest rate is 6.25 Hz */
-#define SPI_READ  0x80u
-#define SPI_MANY  0x40u
+#define TRIES     3U
+#define ACCESS_MS 2U   /* reading 14 bytes takes 0.4 ms at 400 kHz */
+#define RETRY_MS  20U  /* from the loss of an accelerometer to the next set-up */
+#define AWAIT_MS  200U /* for the first sample: the accelerometer's slowest rate is 6.25 Hz */
+#define SPI_READ  0x80U
+#define SPI_MANY  0x40U
 
 /* One setting is read again behind a sample. Four of each of two chips take 160 ms with periods of 20 ms. A
  * sample and a setting take 0.6 ms. */
-#define CHECK_US            10000u
-#define CHECK_PERIOD_MIN_US 1000u
+#define CHECK_US            10000U
+#define CHECK_PERIOD_MIN_US 1000U
 
 typedef enum { OFF, RECOVER, REST, SET_UP, SAMPLE, CHECK } phase_t;
 
@@ -46,7 +46,7 @@ static uint32_t active;                  /* sensor whose access is under way */
 static uint32_t asked;                   /* bytes that the access reads; 0: it writes one */
 static uint32_t age_ms, tries;           /* of the access */
 static uint16_t failures;                /* accesses that failed, modulo 2^16 */
-static uint8_t bytes[1u + IMU_DATA_MAX]; /* SPI: the command first */
+static uint8_t bytes[1U + IMU_DATA_MAX]; /* SPI: the command first */
 static uint32_t period_us;               /* between two samples */
 static uint32_t checked_us;              /* since a setting was read again */
 static uint32_t checked;                 /* sensor of that setting */
@@ -59,25 +59,25 @@ static bool on_spi(uint32_t sensor) {
 
 /* Sensors with a chip of their own: one chip with both is treated as the gyro. */
 static uint32_t chip_count(void) {
-    return use.accel_bus == BOARD_ACCEL_IN_GYRO ? 1u : SENSORS;
+    return use.accel_bus == BOARD_ACCEL_IN_GYRO ? 1U : SENSORS;
 }
 
 static const chip_t *chip_of(uint32_t sensor) {
-    return chip_count() == 1u ? &mpu6050 : two_chips[sensor];
+    return chip_count() == 1U ? &mpu6050 : two_chips[sensor];
 }
 
 /* Both sensors are set up. */
 static bool all_up(void) {
-    return sensors[GYRO].up && (chip_count() == 1u || sensors[ACCEL].up);
+    return sensors[GYRO].up && (chip_count() == 1U || sensors[ACCEL].up);
 }
 
 /* Starts an access of the active sensor: reads to_read bytes, or with 0 writes bytes[1]. */
 static void transfer(uint8_t reg, uint32_t to_read) {
     asked = to_read;
-    age_ms = 0u;
+    age_ms = 0U;
     if (on_spi(active)) {
-        bytes[0] = (uint8_t)(reg | (to_read > 0u ? SPI_READ : 0u) | (to_read > 1u ? SPI_MANY : 0u));
-        spi_exchange(bytes, to_read > 0u ? 1u + to_read : 2u);
+        bytes[0] = (uint8_t)(reg | (to_read > 0U ? SPI_READ : 0U) | (to_read > 1U ? SPI_MANY : 0U));
+        spi_exchange(bytes, to_read > 0U ? 1U + to_read : 2U);
     } else {
         i2c_access(chip_of(active)->address, reg, &bytes[1], to_read);
     }
@@ -86,7 +86,7 @@ static void transfer(uint8_t reg, uint32_t to_read) {
 /* What a step of the active sensor writes, or wants to read. */
 static uint8_t value_of(const chip_step_t *step) {
     const uint32_t option = active == ACCEL ? use.accel_rate : use.gyro_filter;
-    return (uint8_t)(step->value | (step->action == CHIP_OPTION ? option : 0u));
+    return (uint8_t)(step->value | (step->action == CHIP_OPTION ? option : 0U));
 }
 
 static void access(void) {
@@ -96,9 +96,9 @@ static void access(void) {
         transfer(chip->data, chip->data_bytes);
     } else if (phase == SET_UP && (step->action == CHIP_WRITE || step->action == CHIP_OPTION)) {
         bytes[1] = value_of(step);
-        transfer(step->reg, 0u);
+        transfer(step->reg, 0U);
     } else {
-        transfer(step->reg, 1u);
+        transfer(step->reg, 1U);
     }
 }
 
@@ -106,27 +106,27 @@ static void access(void) {
 static void lose(uint8_t cause) {
     sensor_t *const s = &sensors[active];
     s->cause = cause;
-    if (chip_count() == 1u) {
+    if (chip_count() == 1U) {
         sensors[ACCEL].cause = cause;
     }
     s->up = false;
-    s->step = 0u;
-    s->awaited_ms = 0u;
-    unjudged = 0u;
-    s->wait_ms = active == GYRO ? 0u : RETRY_MS;
-    tries = 0u;
+    s->step = 0U;
+    s->awaited_ms = 0U;
+    unjudged = 0U;
+    s->wait_ms = active == GYRO ? 0U : RETRY_MS;
+    tries = 0U;
     phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
 }
 
 /* True when the byte that was read is the one that the step of the set-up expects; also when it wrote. */
 static bool as_wanted(const chip_t *chip, const chip_step_t *step) {
-    if (asked == 0u) {
+    if (asked == 0U) {
         return true;
     }
     if (step->action != CHIP_KNOWN) {
-        return ((bytes[1] ^ value_of(step)) & step->mask) == 0u;
+        return ((bytes[1] ^ value_of(step)) & step->mask) == 0U;
     }
-    for (uint32_t i = 0u; i < chip->identity_count; i++) {
+    for (uint32_t i = 0U; i < chip->identity_count; i++) {
         if (chip->identities[i] == bytes[1]) {
             return true;
         }
@@ -157,7 +157,7 @@ static void next_step(void) {
     s->up = true;
     phase = REST;
     s->cause = BOARD_SENSOR_GOOD;
-    if (chip_count() == 1u) {
+    if (chip_count() == 1U) {
         sensors[ACCEL].cause = BOARD_SENSOR_GOOD;
     }
 }
@@ -165,36 +165,36 @@ static void next_step(void) {
 /* Limits of a sensor that stands still. */
 static const imu_still_t *still_of(uint32_t sensor) {
     const chip_t *const chip = chip_of(sensor);
-    const uint32_t option = sensor == ACCEL && chip_count() > 1u ? use.accel_rate : use.gyro_filter;
+    const uint32_t option = sensor == ACCEL && chip_count() > 1U ? use.accel_rate : use.gyro_filter;
     const uint32_t at = option - chip->option_first;
     return &chip->still[sensor][at < chip->still_last ? at : chip->still_last];
 }
 
 static void store_sample(void) {
-    const bool both = chip_count() == 1u;
-    imu_counts_take(active, chip_of(active), &bytes[1u + (both ? mpu6050.gyro_at : 0u)]);
+    const bool both = chip_count() == 1U;
+    imu_counts_take(active, chip_of(active), &bytes[1U + (both ? mpu6050.gyro_at : 0U)]);
     if (both) {
         imu_counts_take(ACCEL, &mpu6050, &bytes[1]);
     }
-    unjudged |= both ? 1u << GYRO | 1u << ACCEL : 1u << active;
+    unjudged |= both ? 1U << GYRO | 1U << ACCEL : 1U << active;
 }
 
 /* Judges the counts of the last sample while the bus reads the next one: with both in one interrupt, a byte
  * of the receiver would wait for too long. */
 static void judge_last(void) {
-    const bool both = chip_count() == 1u;
-    for (uint32_t sensor = 0u; sensor < SENSORS; sensor++) {
-        if ((unjudged >> sensor & 1u) == 0u) {
+    const bool both = chip_count() == 1U;
+    for (uint32_t sensor = 0U; sensor < SENSORS; sensor++) {
+        if ((unjudged >> sensor & 1U) == 0U) {
             continue;
         }
         const imu_still_t *const beside = both && sensor == GYRO ? still_of(ACCEL) : NULL;
         sensors[sensor].cause = imu_counts_judge(sensor, &use, still_of(sensor), beside, period_us);
     }
-    unjudged = 0u;
+    unjudged = 0U;
 }
 
 static void publish(void) {
-    const bool marks = use.marks_missing != 0u;
+    const bool marks = use.marks_missing != 0U;
     const bool no_rate = marks && sensors[GYRO].cause != BOARD_SENSOR_GOOD;
     const bool no_force = no_rate || (marks && sensors[ACCEL].cause != BOARD_SENSOR_GOOD);
     gave_six_axes = gave_six_axes || use.kind == BOARD_SENSORS_SIX_AXES;
@@ -211,14 +211,14 @@ static void check_in_turn(void) {
     if (checked_us < CHECK_US || (good && period_us < CHECK_PERIOD_MIN_US)) {
         return;
     }
-    checked_us = 0u;
-    checked = checked == GYRO && chip_count() > 1u && sensors[ACCEL].up ? ACCEL : GYRO;
+    checked_us = 0U;
+    checked = checked == GYRO && chip_count() > 1U && sensors[ACCEL].up ? ACCEL : GYRO;
     active = checked;
     const chip_t *const chip = chip_of(active);
     uint8_t *const step = &sensors[active].step;
     do {
-        *step = (uint8_t)(*step + 2u < chip->step_count ? *step + 1u : 1u);
-    } while (chip->steps[*step].mask == 0u);
+        *step = (uint8_t)(*step + 2U < chip->step_count ? *step + 1U : 1U);
+    } while (chip->steps[*step].mask == 0U);
     phase = CHECK;
     access();
 }
@@ -228,7 +228,7 @@ static void end_check(void) {
     const chip_t *const chip = chip_of(active);
     phase = REST;
     if (as_wanted(chip, &chip->steps[sensors[active].step])) {
-        tries = 0u;
+        tries = 0U;
     } else if (++tries < TRIES) {
         phase = CHECK;
         access();
@@ -239,11 +239,11 @@ static void end_check(void) {
 
 /* SPI has no acknowledge: when the chip is absent, the pull-up makes all bits 1. */
 static bool line_was_idle(void) {
-    uint8_t all = 0xffu;
-    for (uint32_t i = 0u; i < asked; i++) {
-        all &= bytes[1u + i];
+    uint8_t all = 0xffU;
+    for (uint32_t i = 0U; i < asked; i++) {
+        all &= bytes[1U + i];
     }
-    return on_spi(active) && asked > 0u && all == 0xffu;
+    return on_spi(active) && asked > 0U && all == 0xffU;
 }
 
 void imu_transferred(transfer_t result) {
@@ -267,13 +267,13 @@ void imu_transferred(transfer_t result) {
         end_check();
         return;
     }
-    tries = 0u;
+    tries = 0U;
     if (phase == SET_UP) {
         next_step();
         return;
     }
     store_sample();
-    if (active == GYRO && chip_count() > 1u && sensors[ACCEL].up) {
+    if (active == GYRO && chip_count() > 1U && sensors[ACCEL].up) {
         active = ACCEL;
         access();
     } else {
@@ -288,7 +288,7 @@ void imu_period(uint32_t length_us) {
         return;
     }
     if (!all_up()) {
-        if (!gave_six_axes || use.marks_missing == 0u) {
+        if (!gave_six_axes || use.marks_missing == 0U) {
             return;
         }
         if (!sensors[GYRO].up) {
@@ -308,13 +308,13 @@ void imu_period(uint32_t length_us) {
 
 /* The sensor whose access was not the last one comes first. */
 static void start_one_of_the_lost(void) {
-    for (uint32_t n = 1u; n <= chip_count(); n++) {
+    for (uint32_t n = 1U; n <= chip_count(); n++) {
         const uint32_t i = (active + n) % chip_count();
         sensor_t *const s = &sensors[i];
         if (s->up) {
             continue;
         }
-        if (s->wait_ms > 0u) {
+        if (s->wait_ms > 0U) {
             s->wait_ms--;
         } else if (phase == REST) {
             phase = SET_UP;
@@ -363,12 +363,12 @@ void imu_use(const board_sensors_t *wanted) {
     use = *wanted;
     const bool used = wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES ||
                       (USED_WHEELS && wanted->kind == BOARD_SENSORS_RIDE);
-    for (uint32_t i = 0u; i < SENSORS; i++) {
+    for (uint32_t i = 0U; i < SENSORS; i++) {
         sensors[i] = (sensor_t){.cause = used ? BOARD_SENSOR_STARTING : BOARD_SENSOR_GOOD};
     }
     imu_counts_clear();
-    unjudged = 0u;
-    tries = 0u;
+    unjudged = 0U;
+    tries = 0U;
     gave_six_axes = false;
     if (used) {
         phase = RECOVER;
@@ -379,7 +379,7 @@ void imu_health(board_health_t *health) {
     if (!USED_DIGITAL) {
         health->gyro = BOARD_SENSOR_GOOD;
         health->accel = BOARD_SENSOR_GOOD;
-        health->bus_failures = 0u;
+        health->bus_failures = 0U;
         return;
     }
     health->gyro = sensors[GYRO].cause;

@@ -5,10 +5,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define GYRO     0u
-#define ACCEL    1u
-#define SENSORS  2u
-#define IMU_AXES 3u /* of a sensor */
+#define GYRO     0U
+#define ACCEL    1U
+#define SENSORS  2U
+#define IMU_AXES 3U /* of a sensor */
 
 typedef enum {
     CHIP_CHECK, /* the register, masked, must hold the value */
@@ -53,7 +53,7 @@ typedef struct {
     bool low_byte_first;
 } chip_t;
 
-#define IMU_DATA_MAX 14u
+#define IMU_DATA_MAX 14U
 
 extern const chip_t adxl345, itg3205, mpu6050;
 

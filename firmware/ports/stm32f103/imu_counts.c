@@ -8,8 +8,8 @@
 #include <stddef.h>
 #include <string.h>
 
-#define AXIS_LAST 2u
-#define ALL_AXES  7u
+#define AXIS_LAST 2U
+#define ALL_AXES  7U
 #define TURNS     70 /* counts of a rate: 4.3 deg/s of the MPU-6050, 4.9 of the ITG-3205 */
 
 static int16_t axes[SENSORS][IMU_AXES];
@@ -20,7 +20,7 @@ static struct {
 
 void imu_counts_clear(void) {
     watches[GYRO] = watches[ACCEL] = (imu_watch_t){0};
-    seen[GYRO].turns = 0u;
+    seen[GYRO].turns = 0U;
 }
 
 static bool has_six_axes(const board_sensors_t *use) {
@@ -37,33 +37,33 @@ static uint32_t axes_used(uint32_t sensor, const board_sensors_t *use) {
         return ALL_AXES;
     }
     if (USED_WHEELS && use->kind == BOARD_SENSORS_RIDE) {
-        return sensor == GYRO ? 6u : 5u;
+        return sensor == GYRO ? 6U : 5U;
     }
-    return sensor == GYRO ? 1u << use->imu_axis : ALL_AXES ^ 1u << use->imu_axis;
+    return sensor == GYRO ? 1U << use->imu_axis : ALL_AXES ^ 1U << use->imu_axis;
 }
 
 /* Axes of a sensor that should have moved: all while the motors may turn, or while the gyro sees a turn about
  * another axis. */
 static uint32_t should_have_moved(uint32_t sensor) {
     const uint32_t turning = seen[GYRO].turns;
-    const bool about_one = (turning & (turning - 1u)) == 0u;
+    const bool about_one = (turning & (turning - 1U)) == 0U;
     if (motors_may_turn()) {
         return ALL_AXES;
     }
-    return turning == 0u ? 0u : sensor == GYRO && about_one ? ALL_AXES ^ turning : ALL_AXES;
+    return turning == 0U ? 0U : sensor == GYRO && about_one ? ALL_AXES ^ turning : ALL_AXES;
 }
 
 void imu_counts_take(uint32_t sensor, const chip_t *chip, const uint8_t *data) {
-    uint32_t repeated = 0u, turns = 0u, railed = 0u;
-    for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
-        const uint32_t bit = 1u << axis;
+    uint32_t repeated = 0U, turns = 0U, railed = 0U;
+    for (uint32_t axis = 0U; axis <= AXIS_LAST; axis++) {
+        const uint32_t bit = 1U << axis;
         uint16_t pair;
-        memcpy(&pair, &data[2u * axis], sizeof pair);
+        memcpy(&pair, &data[2U * axis], sizeof pair);
         const int32_t value = (int16_t)(chip->low_byte_first ? pair : __builtin_bswap16(pair));
         const int32_t size = value < 0 ? -value : value;
-        repeated |= value == axes[sensor][axis] ? bit : 0u;
-        turns |= size >= TURNS ? bit : 0u;
-        railed |= size >= chip->rail ? bit : 0u;
+        repeated |= value == axes[sensor][axis] ? bit : 0U;
+        turns |= size >= TURNS ? bit : 0U;
+        railed |= size >= chip->rail ? bit : 0U;
         axes[sensor][axis] = (int16_t)value;
     }
     seen[sensor].repeated = (uint8_t)repeated;
@@ -74,12 +74,12 @@ void imu_counts_take(uint32_t sensor, const chip_t *chip, const uint8_t *data) {
 uint8_t imu_counts_judge(uint32_t sensor, const board_sensors_t *use, const imu_still_t *still,
                          const imu_still_t *beside, uint32_t sample_us) {
     imu_watch_t *const watch = &watches[sensor];
-    const uint32_t used = axes_used(sensor, use), reading_us = 1000u * still->interval_ms;
+    const uint32_t used = axes_used(sensor, use), reading_us = 1000U * still->interval_ms;
     const uint32_t longest_us =
         imu_watch_still(watch, seen[sensor].repeated, used & should_have_moved(sensor),
                         sample_us < reading_us ? sample_us : reading_us);
-    if ((seen[sensor].railed | watch->railed_us) != 0u) {
-        imu_watch_rail(watch, (seen[sensor].railed & used) != 0u, sample_us);
+    if ((seen[sensor].railed | watch->railed_us) != 0U) {
+        imu_watch_rail(watch, (seen[sensor].railed & used) != 0U, sample_us);
     }
     if (watch->railed) {
         return BOARD_SENSOR_RAIL;
@@ -89,15 +89,15 @@ uint8_t imu_counts_judge(uint32_t sensor, const board_sensors_t *use, const imu_
                       watches[ACCEL].whole_us >= reading_us * beside->whole;
     const bool stands = driven || both || longest_us >= reading_us * still->axis ||
                         watch->whole_us >= reading_us * still->whole;
-    return use->stuck_ms != 0u && stands ? BOARD_SENSOR_STUCK : BOARD_SENSOR_GOOD;
+    return use->stuck_ms != 0U && stands ? BOARD_SENSOR_STUCK : BOARD_SENSOR_GOOD;
 }
 
 void imu_counts_publish(const board_sensors_t *use, bool no_rate, bool no_force) {
     int16_t *const raw = samples_next();
     if (has_six_axes(use)) {
-        for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
+        for (uint32_t axis = 0U; axis <= AXIS_LAST; axis++) {
             raw[axis] = no_rate ? INT16_MIN : axes[GYRO][axis];
-            raw[AXIS_LAST + 1u + axis] = no_force ? INT16_MIN : axes[ACCEL][axis];
+            raw[AXIS_LAST + 1U + axis] = no_force ? INT16_MIN : axes[ACCEL][axis];
         }
     } else if (USED_WHEELS && use->kind == BOARD_SENSORS_RIDE) { /* x to the front, z up */
         raw[0] = axes[GYRO][1];
@@ -108,8 +108,8 @@ void imu_counts_publish(const board_sensors_t *use, bool no_rate, bool no_force)
     } else { /* the rate about the wheels' axis, and the accelerations along the other two axes */
         const uint32_t axis = use->imu_axis;
         raw[0] = axes[GYRO][axis];
-        raw[1] = axes[ACCEL][axis == 0u ? 1u : 0u];
-        raw[2] = axes[ACCEL][axis == AXIS_LAST ? 1u : 2u];
+        raw[1] = axes[ACCEL][axis == 0U ? 1U : 0U];
+        raw[2] = axes[ACCEL][axis == AXIS_LAST ? 1U : 2U];
         raw[3] = bridge_hall_count();
     }
     samples_publish();

@@ -25,32 +25,32 @@
 #include "stm32f103.h"
 #include <stdbool.h>
 
-#define PWM_HZ    20000u
+#define PWM_HZ    20000U
 #define BOTH      (TIM1_CCER_CC2NE | TIM1_CCER_CC3NE)
 #define PRELOADED (TIM1_CCMR1_OC1PE | TIM1_CCMR1_OC1M_PWM1)
-#define UP(pin)   (1u << (pin)) /* in BSRR */
-#define DOWN(pin) (1u << (16u + (pin)))
-#define FULL_LOG2 15u
-#define DUTY_MOST 32767u
+#define UP(pin)   (1U << (pin)) /* in BSRR */
+#define DOWN(pin) (1U << (16U + (pin)))
+#define FULL_LOG2 15U
+#define DUTY_MOST 32767U
 
 /* Of PB14 and PB15: those of the timer while the motors are on. */
 static void set_pwm_pins(uint32_t mode) {
-    GPIOB_CRH = (GPIOB_CRH & 0x00ffffffu) | mode << 24 | mode << 28;
+    GPIOB_CRH = (GPIOB_CRH & 0x00ffffffU) | mode << 24 | mode << 28;
 }
 
 static bool drives(void) {
-    return (RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0u && TIM1_CCER == BOTH;
+    return (RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0U && TIM1_CCER == BOTH;
 }
 
 void motors_init(void) {
     RCC_APB2ENR |= RCC_APB2ENR_TIM1EN;
-    TIM1_PSC = 0u;
-    TIM1_ARR = clock_mhz() * 1000000u / PWM_HZ / 2u;
+    TIM1_PSC = 0U;
+    TIM1_ARR = clock_mhz() * 1000000U / PWM_HZ / 2U;
     TIM1_BDTR = TIM1_BDTR_BKE | TIM1_BDTR_LOCK_LEVEL2;
     TIM1_CCMR1 = PRELOADED << 8; /* channel 2 */
     TIM1_CCMR2 = PRELOADED;      /* channel 3 */
-    TIM1_CCR2 = 0u;
-    TIM1_CCR3 = 0u;
+    TIM1_CCR2 = 0U;
+    TIM1_CCR3 = 0U;
     TIM1_CCER = BOTH;
     TIM1_EGR = TIM1_EGR_UG;
     TIM1_CR1 = TIM1_CR1_ARPE | TIM1_CR1_CMS_MODE1 | TIM1_CR1_CEN;
@@ -77,7 +77,7 @@ void board_set_wheels(const int32_t duty_q15[BOARD_WHEELS]) {
     }
     /* Interrupts off: else SysTick could switch off after the check, and this write would undo it. */
     __asm volatile("cpsid i" ::: "memory");
-    if (!stall_latched() && (TIM1_BDTR & TIM1_BDTR_MOE) != 0u) {
+    if (!stall_latched() && (TIM1_BDTR & TIM1_BDTR_MOE) != 0U) {
         write(duty_q15);
     }
     __asm volatile("cpsie i" ::: "memory");
@@ -98,7 +98,7 @@ void motors_arm(void) {
 }
 
 bool motors_on(void) {
-    return drives() && (TIM1_BDTR & TIM1_BDTR_MOE) != 0u;
+    return drives() && (TIM1_BDTR & TIM1_BDTR_MOE) != 0U;
 }
 
 void motors_off(void) {
@@ -107,13 +107,13 @@ void motors_off(void) {
         GPIOB_BSRR = DOWN(0) | DOWN(1) | DOWN(13) | DOWN(14) | DOWN(15);
         set_pwm_pins(PIN_OUTPUT_10MHZ);
         GPIOA_BSRR = DOWN(8);
-        TIM1_CCR2 = 0u; /* else the next arming would begin with the half period of an old duty */
-        TIM1_CCR3 = 0u;
+        TIM1_CCR2 = 0U; /* else the next arming would begin with the half period of an old duty */
+        TIM1_CCR3 = 0U;
     }
 }
 
 uint32_t motors_faults(void) {
-    return drives() && (TIM1_SR & TIM1_SR_BIF) != 0u ? BOARD_FAULT_BRIDGE : 0u;
+    return drives() && (TIM1_SR & TIM1_SR_BIF) != 0U ? BOARD_FAULT_BRIDGE : 0U;
 }
 
 void motors_clear_faults(void) {

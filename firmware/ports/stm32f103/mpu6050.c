@@ -9,40 +9,40 @@
  * keeps its value after reset, the widest. */
 #include "imu_chip.h"
 
-#define WHO_AM_I 0x75u
+#define WHO_AM_I 0x75U
 
 static const uint8_t identities[] = {
-    0x68u, /* MPU-6050, MPU-6000 */
-    0x70u, /* MPU-6500 */
-    0x72u, /* an MPU-6500 of unknown make */
-    0x98u, /* ICM-20689 */
+    0x68U, /* MPU-6050, MPU-6000 */
+    0x70U, /* MPU-6500 */
+    0x72U, /* an MPU-6500 of unknown make */
+    0x98U, /* ICM-20689 */
 };
 
 static const chip_step_t steps[] = {
-    {CHIP_KNOWN, WHO_AM_I, 0u, 0u},
-    {CHIP_WRITE, 0x6bu, 0x6fu, 0x01u},  /* PWR_MGMT_1: awake, clock from the x gyro */
-    {CHIP_WRITE, 0x6cu, 0x3fu, 0x00u},  /* PWR_MGMT_2: no axis in standby */
-    {CHIP_WRITE, 0x19u, 0xffu, 0x00u},  /* SMPLRT_DIV: every sample of the 1 kHz */
-    {CHIP_OPTION, 0x1au, 0x07u, 0x00u}, /* CONFIG: low-pass */
-    {CHIP_WRITE, 0x1bu, 0u, 0x18u},     /* GYRO_CONFIG: +-2000 deg/s */
-    {CHIP_WRITE, 0x1cu, 0u, 0x18u},     /* ACCEL_CONFIG: +-16 g */
-    {CHIP_CHECK, 0x1bu, 0xf8u, 0x18u},  /* no self-test, and the range: a wrong one reads a wrong angle */
-    {CHIP_CHECK, 0x1cu, 0xf8u, 0x18u},
-    {CHIP_WRITE, 0x38u, 0u, 0x01u},    /* INT_ENABLE: DATA_RDY_EN */
-    {CHIP_AWAIT, 0x3au, 0x01u, 0x01u}, /* INT_STATUS: DATA_RDY_INT */
+    {CHIP_KNOWN, WHO_AM_I, 0U, 0U},
+    {CHIP_WRITE, 0x6bU, 0x6fU, 0x01U},  /* PWR_MGMT_1: awake, clock from the x gyro */
+    {CHIP_WRITE, 0x6cU, 0x3fU, 0x00U},  /* PWR_MGMT_2: no axis in standby */
+    {CHIP_WRITE, 0x19U, 0xffU, 0x00U},  /* SMPLRT_DIV: every sample of the 1 kHz */
+    {CHIP_OPTION, 0x1aU, 0x07U, 0x00U}, /* CONFIG: low-pass */
+    {CHIP_WRITE, 0x1bU, 0U, 0x18U},     /* GYRO_CONFIG: +-2000 deg/s */
+    {CHIP_WRITE, 0x1cU, 0U, 0x18U},     /* ACCEL_CONFIG: +-16 g */
+    {CHIP_CHECK, 0x1bU, 0xf8U, 0x18U},  /* no self-test, and the range: a wrong one reads a wrong angle */
+    {CHIP_CHECK, 0x1cU, 0xf8U, 0x18U},
+    {CHIP_WRITE, 0x38U, 0U, 0x01U},    /* INT_ENABLE: DATA_RDY_EN */
+    {CHIP_AWAIT, 0x3aU, 0x01U, 0x01U}, /* INT_STATUS: DATA_RDY_INT */
 };
 
 /* Least noise at rest: gyro 0.05 deg/s rms, 0.82 counts, behind 98 Hz, accelerometer 400 ug/sqrt(Hz) (data
  * sheet PS-MPU-6000A-00, rev. 3.4, tables 6.1 and 6.2), less by the square root of the bandwidth; readings
  * count as independent at half the inverse of the bandwidth. Tests compute the numbers. */
 static const imu_still_t rates[] = {
-    {10u, 9u, 29u},   {10u, 9u, 29u},    {12u, 16u, 52u},     /* 188, 98, 42 Hz */
-    {25u, 36u, 113u}, {50u, 117u, 371u}, {100u, 942u, 2984u}, /* 20, 10, 5 Hz */
+    {10U, 9U, 29U},   {10U, 9U, 29U},    {12U, 16U, 52U},     /* 188, 98, 42 Hz */
+    {25U, 36U, 113U}, {50U, 117U, 371U}, {100U, 942U, 2984U}, /* 20, 10, 5 Hz */
 };
 
 static const imu_still_t forces[] = {
-    {10u, 3u, 8u},  {10u, 3u, 8u},  {12u, 3u, 9u},   /* 188, 98, 42 Hz */
-    {25u, 3u, 10u}, {50u, 4u, 11u}, {100u, 4u, 13u}, /* 20, 10, 5 Hz */
+    {10U, 3U, 8U},  {10U, 3U, 8U},  {12U, 3U, 9U},   /* 188, 98, 42 Hz */
+    {25U, 3U, 10U}, {50U, 4U, 11U}, {100U, 4U, 13U}, /* 20, 10, 5 Hz */
 };
 
 const chip_t mpu6050 = {
@@ -50,13 +50,13 @@ const chip_t mpu6050 = {
     .still = {rates, forces},
     .identities = identities,
     .identity_count = sizeof identities,
-    .option_first = 1u,
-    .still_last = 5u,
+    .option_first = 1U,
+    .still_last = 5U,
     .step_count = sizeof steps / sizeof steps[0],
-    .address = 0x68u, /* AD0 low */
-    .data = 0x3bu,    /* ACCEL_XOUT_H to GYRO_ZOUT_L */
-    .data_bytes = 14u,
-    .gyro_at = 8u, /* behind the accelerations and the temperature */
+    .address = 0x68U, /* AD0 low */
+    .data = 0x3bU,    /* ACCEL_XOUT_H to GYRO_ZOUT_L */
+    .data_bytes = 14U,
+    .gyro_at = 8U, /* behind the accelerations and the temperature */
     .rail = INT16_MAX,
     .low_byte_first = false,
 };

@@ -6,12 +6,12 @@
 #include "generated/used_parts.h"
 #include "stm32f103.h"
 
-#define ARM_SWITCH 14u /* PC14, to ground */
+#define ARM_SWITCH 14U /* PC14, to ground */
 
 /* A pin's four mode bits, in CRL for pins 0 to 7 and in CRH for pins 8 to 15. */
 void pins_set_mode(volatile uint32_t *control, uint32_t pin, uint32_t mode) {
-    const uint32_t shift = 4u * (pin % 8u);
-    *control = (*control & ~(0xfu << shift)) | (mode << shift);
+    const uint32_t shift = 4U * (pin % 8U);
+    *control = (*control & ~(0xfU << shift)) | (mode << shift);
 }
 
 void pins_clocks(void) {
@@ -31,8 +31,8 @@ static void stop_low_speed_oscillator(void) {
 /* Eight pins at a time, from pin 7 or 15 down. */
 #define MODES(p7, p6, p5, p4, p3, p2, p1, p0)                                                                \
     ((p7) << 28 | (p6) << 24 | (p5) << 20 | (p4) << 16 | (p3) << 12 | (p2) << 8 | (p1) << 4 | (p0))
-#define UP(pin)   (1u << (pin)) /* in BSRR: the pull, or the level, of a pin */
-#define DOWN(pin) (1u << (16u + (pin)))
+#define UP(pin)   (1U << (pin)) /* in BSRR: the pull, or the level, of a pin */
+#define DOWN(pin) (1U << (16U + (pin)))
 
 #define ANALOG PIN_ANALOG
 #define FREE   PIN_FLOATING
@@ -59,12 +59,12 @@ void pins_init(uint32_t pins, bool actuators) {
     /* MAPR is written as a whole, because SWJ_CFG reads back undefined. I2C1 is remapped away from PB6 and
      * PB7 even when unused: otherwise a remapped USART1 does not reach these pins. */
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD | AFIO_MAPR_I2C1_REMAP |
-                (bridge ? AFIO_MAPR_USART1_REMAP | AFIO_MAPR_TIM2_REMAP_FULL : 0u);
+                (bridge ? AFIO_MAPR_USART1_REMAP | AFIO_MAPR_TIM2_REMAP_FULL : 0U);
     /* Levels and pulls first. PA4: the SPI chip is deselected. PA10, PB7, PA11, PB11: an open line reads
      * idle. PB4, PB5: the strap. The Hall sensors have open collectors. The break input is pulled down: an
      * open wire trips it. */
     GPIOA_BSRR = UP(4) | UP(6) | UP(10) | UP(11) | UP(15);
-    GPIOB_BSRR = UP(3) | UP(4) | UP(5) | UP(7) | UP(10) | DOWN(12) | (USED_RECEIVER ? UP(11) : 0u);
+    GPIOB_BSRR = UP(3) | UP(4) | UP(5) | UP(7) | UP(10) | DOWN(12) | (USED_RECEIVER ? UP(11) : 0U);
     GPIOC_BSRR = UP(ARM_SWITCH);
     /* SPI1 MOSI, MISO, SCK, select; ADC1 inputs 3 to 0, or TIM2 channels 4 to 1, the rotors. */
     GPIOA_CRL = MODES(SPI, INPUT, SPI, OUTPUT, inputs_or_rotors, inputs_or_rotors, inputs_or_rotors,
@@ -103,9 +103,9 @@ void pins_init(uint32_t pins, bool actuators) {
 
 void pins_rotors_low(void) {
     GPIOA_BSRR = DOWN(0) | DOWN(1) | DOWN(2) | DOWN(3);
-    GPIOA_CRL = (GPIOA_CRL & 0xffff0000u) | MODES(0u, 0u, 0u, 0u, OUTPUT, OUTPUT, OUTPUT, OUTPUT);
+    GPIOA_CRL = (GPIOA_CRL & 0xffff0000U) | MODES(0U, 0U, 0U, 0U, OUTPUT, OUTPUT, OUTPUT, OUTPUT);
 }
 
 bool board_arm_switch(void) {
-    return (GPIOC_IDR & 1u << ARM_SWITCH) == 0u;
+    return (GPIOC_IDR & 1U << ARM_SWITCH) == 0U;
 }

@@ -8,7 +8,7 @@
 #include "nvic.h"
 #include "stm32f103.h"
 
-#define EDGES 32u /* a power of two; two frames have 18 */
+#define EDGES 32U /* a power of two; two frames have 18 */
 
 static uint16_t edges_ring[EDGES];
 /* Free-running counts, used modulo EDGES: written by the interrupt, read by the loop. */
@@ -17,7 +17,7 @@ static volatile uint32_t edges_written, edges_taken;
 void ppm_capture_init(void) {
     RCC_APB2ENR |= RCC_APB2ENR_TIM1EN;
     nvic_enable(IRQ_TIM1_CC);
-    TIM1_PSC = clock_mhz() - 1u;
+    TIM1_PSC = clock_mhz() - 1U;
     TIM1_EGR = TIM1_EGR_UG; /* loads the prescaler */
     TIM1_CCMR1 = TIM1_CCMR1_CC1S_TI1 | TIM1_CCMR1_IC1F_SLOWEST;
     TIM1_CCER = TIM1_CCER_CC1E;
@@ -31,7 +31,7 @@ void ppm_capture_handler(void) {
     if (to - edges_taken < EDGES) {
         edges_ring[to % EDGES] = stamp_us;
         memory_fence();
-        edges_written = to + 1u;
+        edges_written = to + 1U;
     }
 }
 
@@ -39,7 +39,7 @@ size_t board_receiver_edges(uint16_t *stamps_us, size_t room) {
     const uint32_t end = edges_written;
     memory_fence(); /* the stamps are read after the count */
     uint32_t at = edges_taken;
-    size_t count = 0u;
+    size_t count = 0U;
     while (count < room && at != end) {
         stamps_us[count++] = edges_ring[at++ % EDGES];
     }

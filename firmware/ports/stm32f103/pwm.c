@@ -25,15 +25,15 @@
 #include "stall.h"
 #include "stm32f103.h"
 
-#define START_FRAME_HALFUS      5000u /* 400 Hz */
-#define CONSTANT_NEUTRAL_HALFUS 2000u /* 1 ms: motor off */
+#define START_FRAME_HALFUS      5000U /* 400 Hz */
+#define CONSTANT_NEUTRAL_HALFUS 2000U /* 1 ms: motor off */
 #define RUNNING                 (PULSE_CR1_ARPE | PULSE_CR1_CEN)
 #define PAIR                    (PULSE_CCER_CC(0) | PULSE_CCER_CC(1))
 #define FOUR                    (PAIR | PULSE_CCER_CC(2) | PULSE_CCER_CC(3))
 #define PRELOADED_PWM1          (PULSE_CCMR_OCM_PWM1 | PULSE_CCMR_OCPE)
 #define BOTH(mode)              ((mode) << 8 | (mode))
 
-#define END_LEAD_HALFUS 40u /* 160 cycles at 8 MHz, more than end_frame() needs to write the end */
+#define END_LEAD_HALFUS 40U /* 160 cycles at 8 MHz, more than end_frame() needs to write the end */
 
 BOARD_GUARDED static uint32_t neutral_halfus;
 
@@ -48,13 +48,13 @@ static bool drives_rotors(void) {
 
 /* TIM4 gives pulses, on pins or not, unless it counts a wheel. */
 static bool drives_pair(void) {
-    return USED_PULSES && !(USED_WHEELS && ENCODER_SMCR(TIM4_BASE) != 0u);
+    return USED_PULSES && !(USED_WHEELS && ENCODER_SMCR(TIM4_BASE) != 0U);
 }
 
 /* Always leaves UDIS clear, even when it interrupted another write_pulses(). */
 static void write_pulses(uint32_t timer, const uint32_t pulse[], uint32_t count) {
     PULSE_CR1(timer) = RUNNING | PULSE_CR1_UDIS;
-    for (uint32_t i = 0u; i < count; i++) {
+    for (uint32_t i = 0U; i < count; i++) {
         PULSE_CCR(timer, i) = pulse[i];
     }
     PULSE_CR1(timer) = RUNNING;
@@ -67,7 +67,7 @@ static void write_pulses(uint32_t timer, const uint32_t pulse[], uint32_t count)
 static void end_frame(uint32_t timer) {
     const uint32_t usual = PULSE_ARR(timer);
     const uint32_t soonest = PULSE_CNT(timer) + END_LEAD_HALFUS;
-    const uint32_t end = (soonest > ESC_FRAME_ENDED_HALFUS ? soonest : ESC_FRAME_ENDED_HALFUS) - 1u;
+    const uint32_t end = (soonest > ESC_FRAME_ENDED_HALFUS ? soonest : ESC_FRAME_ENDED_HALFUS) - 1U;
     if (end < usual) {
         PULSE_ARR(timer) = end; /* what is preloaded may take effect when the preload is switched off */
         PULSE_CR1(timer) = PULSE_CR1_CEN;
@@ -82,7 +82,7 @@ static void end_frame(uint32_t timer) {
 static void rest(uint32_t timer, uint32_t count, uint32_t pulse) {
     const uint32_t all[BOARD_ROTORS] = {pulse, pulse, pulse, pulse};
     bool drives = false;
-    for (uint32_t i = 0u; i < count; i++) {
+    for (uint32_t i = 0U; i < count; i++) {
         drives = drives || PULSE_CCR(timer, i) != pulse;
     }
     write_pulses(timer, all, count);
@@ -101,7 +101,7 @@ static void rest_all(uint32_t pulse) {
 }
 
 static void set_up(uint32_t timer, uint32_t outputs) {
-    PULSE_PSC(timer) = clock_mhz() / 2u - 1u;
+    PULSE_PSC(timer) = clock_mhz() / 2U - 1U;
     PULSE_CCMR1(timer) = BOTH(PRELOADED_PWM1);
     if (outputs == FOUR) {
         PULSE_CCMR2(timer) = BOTH(PRELOADED_PWM1);
@@ -114,10 +114,10 @@ static void begin(uint32_t timer) {
 }
 
 void pwm_init(uint32_t pins) {
-    RCC_APB1ENR |= (USED_PULSES ? RCC_APB1ENR_TIM4EN : 0u) | (USED_ROTORS ? RCC_APB1ENR_TIM2EN : 0u);
+    RCC_APB1ENR |= (USED_PULSES ? RCC_APB1ENR_TIM4EN : 0U) | (USED_ROTORS ? RCC_APB1ENR_TIM2EN : 0U);
     const bool pair = USED_PULSES && !(USED_WHEELS && pins == BOARD_PINS_WHEELS);
     if (pair) { /* else the pin of channel 1 may belong to the UART */
-        set_up(TIM4_BASE, pins == BOARD_PINS_STANDARD ? PAIR : 0u);
+        set_up(TIM4_BASE, pins == BOARD_PINS_STANDARD ? PAIR : 0U);
     }
     if (USED_ROTORS && pins == BOARD_PINS_QUADROTOR) {
         set_up(TIM2_BASE, FOUR);
@@ -134,7 +134,7 @@ void pwm_init(uint32_t pins) {
 void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_halfus) {
     neutral_halfus = wanted_neutral_halfus;
     board_actuator_neutral(); /* first, because the pulses in use might not fit into a shorter frame */
-    const uint32_t last = bounded(frame_halfus, ESC_FRAME_MIN_HALFUS, ESC_FRAME_MAX_HALFUS) - 1u;
+    const uint32_t last = bounded(frame_halfus, ESC_FRAME_MIN_HALFUS, ESC_FRAME_MAX_HALFUS) - 1U;
     if (drives_pair()) {
         PULSE_ARR(TIM4_BASE) = last;
     }
@@ -144,10 +144,10 @@ void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_hal
 }
 
 static void set_pulses(uint32_t timer, const uint32_t pulse_halfus[], uint32_t count) {
-    const uint32_t fits = PULSE_ARR(timer) + 1u - ESC_GAP_MIN_HALFUS;
+    const uint32_t fits = PULSE_ARR(timer) + 1U - ESC_GAP_MIN_HALFUS;
     const uint32_t high = fits < ESC_PULSE_MAX_HALFUS ? fits : ESC_PULSE_MAX_HALFUS;
     uint32_t pulse[BOARD_ROTORS];
-    for (uint32_t i = 0u; i < count; i++) {
+    for (uint32_t i = 0U; i < count; i++) {
         pulse[i] = bounded(pulse_halfus[i], ESC_PULSE_MIN_HALFUS, high);
     }
     /* Interrupts off: else SysTick could write neutral after the check, and this write would undo it. */
@@ -196,7 +196,7 @@ void board_actuator_neutral(void) {
 
 static bool turns(uint32_t timer, uint32_t count) {
     bool drives = false;
-    for (uint32_t i = 0u; i < count; i++) {
+    for (uint32_t i = 0U; i < count; i++) {
         drives = drives || PULSE_CCR(timer, i) > ESC_OFF_MAX_HALFUS;
     }
     return drives;

@@ -8,9 +8,9 @@
 #include "nvic.h"
 #include "stm32f103.h"
 
-#define BAUD       420000u
-#define RX_BYTES   128u /* 3 ms at full rate; a power of two */
-#define ERRORS_MAX 255u
+#define BAUD       420000U
+#define RX_BYTES   128U /* 3 ms at full rate; a power of two */
+#define ERRORS_MAX 255U
 
 static uint8_t sticks_ring[RX_BYTES];
 /* Free-running counts, used modulo RX_BYTES: written by the interrupt, read by the loop. */
@@ -22,7 +22,7 @@ void receiver_uart_init(void) {
     nvic_enable(IRQ_USART3);
     /* Clock cycles per bit, rounded: 86 at 36 MHz is 0.3 % slow; 76 at 32 MHz and 19 at 8 MHz, from the
      * internal oscillator, are 0.3 % fast, to which that adds its own error of up to 2.5 %. */
-    USART3_BRR = (clock_pclk1_mhz() * 1000000u + BAUD / 2u) / BAUD;
+    USART3_BRR = (clock_pclk1_mhz() * 1000000U + BAUD / 2U) / BAUD;
     USART3_CR1 = USART3_CR1_UE | USART3_CR1_RE | USART3_CR1_RXNEIE;
 }
 
@@ -37,14 +37,14 @@ void receiver_uart_handler(void) {
     const uint8_t byte = (uint8_t)USART3_DR;
     const uint32_t to = sticks_written;
     const bool full = to - sticks_taken == RX_BYTES;
-    if (((status & (USART3_SR_FE | USART3_SR_NE | USART3_SR_ORE)) != 0u || full) &&
+    if (((status & (USART3_SR_FE | USART3_SR_NE | USART3_SR_ORE)) != 0U || full) &&
         sticks_errors < ERRORS_MAX) {
         sticks_errors++;
     }
-    if ((status & USART3_SR_RXNE) != 0u && !full) {
+    if ((status & USART3_SR_RXNE) != 0U && !full) {
         sticks_ring[to % RX_BYTES] = byte;
         memory_fence();
-        sticks_written = to + 1u;
+        sticks_written = to + 1U;
     }
 }
 
@@ -52,7 +52,7 @@ size_t board_receiver_read(uint8_t *bytes, size_t room) {
     const uint32_t end = sticks_written;
     memory_fence(); /* the bytes are read after the count */
     uint32_t at = sticks_taken;
-    size_t count = 0u;
+    size_t count = 0U;
     while (count < room && at != end) {
         bytes[count++] = sticks_ring[at++ % RX_BYTES];
     }

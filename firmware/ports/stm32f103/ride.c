@@ -5,14 +5,14 @@
 #include "stm32f103.h"
 #include <stdbool.h>
 
-#define RIDER 3u /* PA3 */
+#define RIDER 3U /* PA3 */
 
 static bool counts(uint32_t timer) {
     return ENCODER_SMCR(timer) == ENCODER_SMCR_SMS_BOTH;
 }
 
 static void start(uint32_t timer) {
-    PULSE_ARR(timer) = 0xffffu;
+    PULSE_ARR(timer) = 0xffffU;
     PULSE_CCMR1(timer) = ENCODER_CCMR1_INPUTS | ENCODER_CCMR1_FILTERS_SLOWEST;
     ENCODER_SMCR(timer) = ENCODER_SMCR_SMS_BOTH;
     PULSE_CR1(timer) = PULSE_CR1_CEN;
@@ -28,5 +28,5 @@ void ride_read(int16_t found[RIDE_COUNTS]) {
     const bool there = counts(TIM2_BASE);
     found[0] = there ? (int16_t)PULSE_CNT(TIM2_BASE) : 0;
     found[1] = there ? (int16_t)PULSE_CNT(TIM4_BASE) : 0;
-    found[2] = there && (GPIOA_IDR & 1u << RIDER) == 0u ? 1 : 0;
+    found[2] = there && (GPIOA_IDR & 1U << RIDER) == 0U ? 1 : 0;
 }

@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-#define RIDE_COUNTS 3u
+#define RIDE_COUNTS 3U
 
 /* Start both encoders. */
 void ride_init(void);

@@ -5,7 +5,7 @@
 #include "nvic.h"
 #include <string.h>
 
-#define LATE_MAX 255u
+#define LATE_MAX 255U
 
 static int16_t samples[2][BOARD_RAW_MAX]; /* sample n is in samples[n % 2] */
 static volatile uint32_t done, missed;    /* samples published; periods without one */
@@ -13,7 +13,7 @@ BOARD_GUARDED static uint32_t done_seen, missed_seen;
 BOARD_GUARDED static uint32_t late;
 
 int16_t *samples_next(void) {
-    return samples[(done + 1u) % 2u];
+    return samples[(done + 1U) % 2U];
 }
 
 void samples_publish(void) {
@@ -30,14 +30,14 @@ void samples_clear(void) {
     memset(samples, 0, sizeof samples); /* channels that the sensors do not fill read 0 */
     done_seen = done;
     missed_seen = missed;
-    late = 0u;
+    late = 0U;
 }
 
 bool samples_poll(void) {
     const uint32_t now = done;
     memory_fence(); /* the raw counts are read after `done` */
     const bool ticked = now != done_seen;
-    const uint32_t more = missed - missed_seen + (ticked ? now - done_seen - 1u : 0u);
+    const uint32_t more = missed - missed_seen + (ticked ? now - done_seen - 1U : 0U);
     missed_seen = missed;
     done_seen = now;
     late = more < LATE_MAX - late ? late + more : LATE_MAX;
@@ -45,7 +45,7 @@ bool samples_poll(void) {
 }
 
 void samples_read(int16_t *raw) {
-    memcpy(raw, samples[done_seen % 2u], sizeof samples[0]);
+    memcpy(raw, samples[done_seen % 2U], sizeof samples[0]);
 }
 
 uint32_t samples_late(void) {

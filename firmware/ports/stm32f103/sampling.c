@@ -20,7 +20,7 @@
 #include "stm32f103.h"
 #include <string.h>
 
-#define INTERVAL_MAX_US 1000u /* between two scans of the analog inputs */
+#define INTERVAL_MAX_US 1000U /* between two scans of the analog inputs */
 
 BOARD_GUARDED static board_sensors_t sensors;
 BOARD_GUARDED static uint32_t running_us;  /* 0: stopped */
@@ -39,7 +39,7 @@ static bool analog(void) {
 static uint32_t next_reload(void) {
     carried += longer;
     if (carried < triggers) {
-        return interval_us - 1u;
+        return interval_us - 1U;
     }
     carried -= triggers;
     return interval_us;
@@ -49,19 +49,19 @@ static uint32_t next_reload(void) {
  * scans ends before the next trigger. That limit only matters for 16 scans and periods of 1001 to 1599 us. */
 static void divide_period(uint32_t period_us) {
     const uint32_t fit = period_us / (BOARD_SCAN_US << sensors.oversample_log2);
-    const uint32_t wanted = (period_us + INTERVAL_MAX_US - 1u) / INTERVAL_MAX_US;
-    triggers = wanted < fit ? wanted : fit > 0u ? fit : 1u;
+    const uint32_t wanted = (period_us + INTERVAL_MAX_US - 1U) / INTERVAL_MAX_US;
+    triggers = wanted < fit ? wanted : fit > 0U ? fit : 1U;
     interval_us = period_us / triggers;
     longer = period_us - triggers * interval_us;
-    carried = 0u;
+    carried = 0U;
 }
 
 void sampling_timer_handler(void) {
-    if ((TIM3_SR & TIM3_SR_UIF) == 0u) {
+    if ((TIM3_SR & TIM3_SR_UIF) == 0U) {
         return; /* already handled: the DMA's interrupt calls this function before it uses the scan */
     }
-    TIM3_SR = 0u;
-    if (longer > 0u) {
+    TIM3_SR = 0U;
+    if (longer > 0U) {
         TIM3_ARR = next_reload();
     }
     trigger++;
@@ -69,7 +69,7 @@ void sampling_timer_handler(void) {
         adc_triggered(false);
         return;
     }
-    trigger = 0u;
+    trigger = 0U;
     switch (sensors.kind) {
     case BOARD_SENSORS_NONE:
         samples_publish(); /* the counts come from the host */
@@ -91,32 +91,32 @@ void board_set_period_us(uint32_t period_us) {
     }
     running_us = period_us;
     RCC_APB1ENR |= RCC_APB1ENR_TIM3EN;
-    TIM3_CR1 = 0u;
-    TIM3_DIER = 0u;
+    TIM3_CR1 = 0U;
+    TIM3_DIER = 0U;
     TIM3_CR2 = TIM3_CR2_MMS_UPDATE;
     adc_stop();
-    if (period_us == 0u) {
+    if (period_us == 0U) {
         return;
     }
     /* 1 us a count, 2 us where 16 bits do not reach. An update event (UG) loads the prescaler, and is also a
      * trigger: the converter is set up after it, so that the first scan comes with the first full period. */
-    const uint32_t step_us = period_us > 65536u && !analog() ? 2u : 1u;
-    TIM3_PSC = clock_mhz() * step_us - 1u;
-    triggers = 1u;
-    longer = 0u;
-    trigger = 0u;
+    const uint32_t step_us = period_us > 65536U && !analog() ? 2U : 1U;
+    TIM3_PSC = clock_mhz() * step_us - 1U;
+    triggers = 1U;
+    longer = 0U;
+    trigger = 0U;
     if (analog()) {
         divide_period(period_us);
         TIM3_ARR = next_reload();
     } else {
-        TIM3_ARR = period_us / step_us - 1u;
+        TIM3_ARR = period_us / step_us - 1U;
     }
     TIM3_EGR = TIM3_EGR_UG;
-    if (longer > 0u) {
+    if (longer > 0U) {
         TIM3_CR1 = TIM3_CR1_ARPE;
         TIM3_ARR = next_reload();
     }
-    TIM3_SR = 0u;
+    TIM3_SR = 0U;
     nvic_forget(IRQ_TIM3);
     nvic_enable(IRQ_TIM3);
     samples_clear();
@@ -132,7 +132,7 @@ void board_use_sensors(const board_sensors_t *wanted) {
         return;
     }
     const uint32_t period_us = running_us;
-    board_set_period_us(0u);
+    board_set_period_us(0U);
     __asm volatile("cpsid i" ::: "memory");
     sensors = *wanted;
     imu_use(wanted);
@@ -141,7 +141,7 @@ void board_use_sensors(const board_sensors_t *wanted) {
 }
 
 bool board_take_tick(void) {
-    if (running_us == 0u) {
+    if (running_us == 0U) {
         return false;
     }
     if (analog()) {

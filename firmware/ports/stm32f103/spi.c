@@ -4,7 +4,7 @@
 #include "nvic.h"
 #include "stm32f103.h"
 
-#define SELECT 4u
+#define SELECT 4U
 
 void spi_init(void) {
     RCC_APB2ENR |= RCC_APB2ENR_SPI1EN;
@@ -23,7 +23,7 @@ void spi_exchange(uint8_t *bytes, uint32_t count) {
      * an overrun, too. */
     (void)SPI1_DR;
     (void)SPI1_SR;
-    GPIOA_BSRR = 1u << (SELECT + 16u);
+    GPIOA_BSRR = 1U << (SELECT + 16U);
     DMA1_CMAR2 = (uint32_t)(uintptr_t)bytes;
     DMA1_CNDTR2 = count;
     DMA1_CCR2 = DMA1_CCR1_EN | DMA1_CCR1_MINC | DMA1_CCR1_TCIE | DMA1_CCR1_PL_HIGH;
@@ -33,9 +33,9 @@ void spi_exchange(uint8_t *bytes, uint32_t count) {
 }
 
 void spi_end(void) {
-    GPIOA_BSRR = 1u << SELECT;
-    DMA1_CCR2 = 0u;
-    DMA1_CCR3 = 0u;
+    GPIOA_BSRR = 1U << SELECT;
+    DMA1_CCR2 = 0U;
+    DMA1_CCR3 = 0U;
     DMA1_IFCR = DMA1_IFCR_CGIF2 | DMA1_IFCR_CGIF3;
     memory_fence(); /* the bytes are read after the DMA has written them */
 }

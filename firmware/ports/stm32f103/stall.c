@@ -6,13 +6,13 @@
 #include "stall.h"
 #include "app/board.h"
 
-#define STALL_TICKS 20u
+#define STALL_TICKS 20U
 /* The two values of a pair differ in many bits. Any other value of `watched` counts as driving, any other
  * value of `state` as stalled. */
-#define AT_REST 0x3c5aa5c3u
-#define DRIVING 0xc3a55a3cu
-#define TURNING 0x5ac33ca5u
-#define STALLED 0xa53cc35au
+#define AT_REST 0x3c5aa5c3U
+#define DRIVING 0xc3a55a3cU
+#define TURNING 0x5ac33ca5U
+#define STALLED 0xa53cc35aU
 
 static volatile uint32_t ticks; /* since the loop last came round */
 static volatile uint32_t watched = AT_REST;
@@ -40,11 +40,11 @@ bool stall_latched(void) {
 }
 
 void board_turn(void) {
-    ticks = 0u;
+    ticks = 0U;
 }
 
 void stall_clear(void) {
     watched = AT_REST;
-    ticks = 0u;
+    ticks = 0U;
     state = TURNING;
 }

@@ -112,7 +112,7 @@ void reset_handler(void) {
         *to = *from;
     }
     for (uint32_t *to = bss_start; to < bss_end; to++) {
-        *to = 0u;
+        *to = 0U;
     }
     loop_start();
     for (;;) {

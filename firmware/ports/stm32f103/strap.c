@@ -8,15 +8,15 @@
 #include "pins.h"
 #include "stm32f103.h"
 
-#define PULL_POLLS   (clock_mhz() * 500u / 64u) /* 0.5 ms: ten time constants of 50 kOhm and 1 nF */
-#define READS        8u
-#define READ_POLLS   (clock_mhz() * 20u / 64u) /* 20 us between two reads */
-#define PB4_GROUNDED 1u
-#define PB5_GROUNDED 2u
+#define PULL_POLLS   (clock_mhz() * 500U / 64U) /* 0.5 ms: ten time constants of 50 kOhm and 1 nF */
+#define READS        8U
+#define READ_POLLS   (clock_mhz() * 20U / 64U) /* 20 us between two reads */
+#define PB4_GROUNDED 1U
+#define PB5_GROUNDED 2U
 
 /* Waits at least polls * 64 cycles: the masked value is never 1. */
 static void wait(uint32_t polls) {
-    (void)clock_wait(&GPIOB_IDR, 0u, 1u, polls);
+    (void)clock_wait(&GPIOB_IDR, 0U, 1U, polls);
 }
 
 uint32_t strap_read(void) {
@@ -24,12 +24,12 @@ uint32_t strap_read(void) {
                                    BOARD_PINS_WHEELS};
 
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD; /* pins_init() writes it whole */
-    GPIOB_BSRR = 1u << 4 | 1u << 5;
-    pins_set_mode(&GPIOB_CRL, 4u, PIN_INPUT_PULLED);
-    pins_set_mode(&GPIOB_CRL, 5u, PIN_INPUT_PULLED);
+    GPIOB_BSRR = 1U << 4 | 1U << 5;
+    pins_set_mode(&GPIOB_CRL, 4U, PIN_INPUT_PULLED);
+    pins_set_mode(&GPIOB_CRL, 5U, PIN_INPUT_PULLED);
     wait(PULL_POLLS);
-    uint32_t always = PB4_GROUNDED | PB5_GROUNDED, ever = 0u;
-    for (uint32_t i = 0u; i < READS; i++) {
+    uint32_t always = PB4_GROUNDED | PB5_GROUNDED, ever = 0U;
+    for (uint32_t i = 0U; i < READS; i++) {
         const uint32_t grounded = ~(GPIOB_IDR >> 4) & (PB4_GROUNDED | PB5_GROUNDED);
         always &= grounded;
         ever |= grounded;

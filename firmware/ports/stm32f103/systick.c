@@ -11,15 +11,15 @@
 #include "nvic.h"
 #include "stm32f103.h"
 
-#define BACK_MAX_US 2000u /* a larger step back is damage: see board_now_us() */
+#define BACK_MAX_US 2000U /* a larger step back is damage: see board_now_us() */
 
 static volatile uint32_t ticks_ms;
 static uint32_t last_us;
 
 void systick_init(void) {
     SCB_SHPR3 = NVIC_PRIORITY << 16; /* PendSV; SysTick, the byte above, stays 0: the highest */
-    SYST_RVR = clock_mhz() * 1000u - 1u;
-    SYST_CVR = 0u;
+    SYST_RVR = clock_mhz() * 1000U - 1U;
+    SYST_CVR = 0U;
     SYST_CSR = SYST_CSR_ENABLE | SYST_CSR_TICKINT | SYST_CSR_CLKSOURCE;
 }
 
@@ -40,7 +40,7 @@ uint32_t board_now_us(void) {
         left = SYST_CVR;
     }
     const uint32_t rate_mhz = clock_mhz();
-    const uint32_t now_us = ms * 1000u + (rate_mhz * 1000u - 1u - left) / rate_mhz;
+    const uint32_t now_us = ms * 1000U + (rate_mhz * 1000U - 1U - left) / rate_mhz;
     /* The counter reloads a few cycles before its interrupt is taken: a time read in between is 1 ms too
      * early, and the last time is returned instead. A larger step back is a flipped bit in ticks_ms, which
      * has no check word because an interrupt writes it. The clock then goes on from there: if it waited until

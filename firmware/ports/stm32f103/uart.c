@@ -12,11 +12,11 @@
 #include "stm32f103.h"
 #include <string.h>
 
-#define BAUD        921600u
-#define RX_BYTES    1024u /* 11 ms at full rate; a power of two */
-#define TX_BYTES    256u  /* 2.8 ms; the main queue is the session's outbox */
-#define ERRORS_MAX  255u
-#define DIVIDER_MIN 16u /* the receiver takes 16 samples a bit; reached only when no PLL locks */
+#define BAUD        921600U
+#define RX_BYTES    1024U /* 11 ms at full rate; a power of two */
+#define TX_BYTES    256U  /* 2.8 ms; the main queue is the session's outbox */
+#define ERRORS_MAX  255U
+#define DIVIDER_MIN 16U /* the receiver takes 16 samples a bit; reached only when no PLL locks */
 
 static uint8_t rx_ring[RX_BYTES];
 static volatile uint32_t rx_taken; /* index of the next byte to read */
@@ -40,7 +40,7 @@ void uart_init(void) {
     nvic_enable(IRQ_DMA1_Channel5);
     nvic_enable(IRQ_USART1);
     /* Divider in 1/16 of 16 samples, that is, clock cycles per bit, rounded: 78 at 72 MHz is 0.16 % fast. */
-    const uint32_t divider = (clock_mhz() * 1000000u + BAUD / 2u) / BAUD;
+    const uint32_t divider = (clock_mhz() * 1000000U + BAUD / 2U) / BAUD;
     USART1_BRR = divider < DIVIDER_MIN ? DIVIDER_MIN : divider;
     USART1_CR3 = USART1_CR3_DMAR | USART1_CR3_DMAT | USART1_CR3_EIE;
     USART1_CR1 = USART1_CR1_UE | USART1_CR1_TE | USART1_CR1_RE | USART1_CR1_IDLEIE;
@@ -61,7 +61,7 @@ void uart_handler(void) {
      * line has been idle for a character, or DR holds the damaged byte. */
     const uint32_t status = USART1_SR;
     (void)USART1_DR;
-    if ((status & (USART1_SR_FE | USART1_SR_NE | USART1_SR_ORE)) != 0u) {
+    if ((status & (USART1_SR_FE | USART1_SR_NE | USART1_SR_ORE)) != 0U) {
         count_error();
     }
     idle_end();
@@ -71,10 +71,10 @@ void uart_rx_dma_handler(void) {
     const uint32_t status = DMA1_ISR;
     DMA1_IFCR = DMA1_IFCR_CGIF5;
     /* The DMA begins to fill a half of the ring that still holds unread bytes: those are lost. */
-    const uint32_t half = RX_BYTES / 2u;
+    const uint32_t half = RX_BYTES / 2U;
     const uint32_t taken = rx_taken;
-    if (((status & DMA1_ISR_HTIF5) != 0u && taken > half) ||
-        ((status & DMA1_ISR_TCIF5) != 0u && taken > 0u && taken < half)) {
+    if (((status & DMA1_ISR_HTIF5) != 0U && taken > half) ||
+        ((status & DMA1_ISR_TCIF5) != 0U && taken > 0U && taken < half)) {
         count_error();
     }
     idle_end();
@@ -93,7 +93,7 @@ size_t board_uart_read(uint8_t *bytes, size_t room) {
     from = (from + count) % RX_BYTES;
     memory_fence();
     rx_taken = from;
-    if (count > 0u && from != end) {
+    if (count > 0U && from != end) {
         idle_end(); /* the loop fetches the rest in its next turn */
     }
     return count;
@@ -107,7 +107,7 @@ static void send_next(void) {
     const uint32_t to_end = TX_BYTES - from;
     const uint32_t count = waiting < to_end ? waiting : to_end;
     tx_flying = count;
-    if (count > 0u) {
+    if (count > 0U) {
         DMA1_CNDTR4 = count;
         DMA1_CMAR4 = (uint32_t)(uintptr_t)&tx_ring[from];
         DMA1_CCR4 = DMA1_CCR1_EN | DMA1_CCR1_DIR | DMA1_CCR1_MINC | DMA1_CCR1_TCIE | DMA1_CCR1_TEIE;
@@ -115,11 +115,11 @@ static void send_next(void) {
 }
 
 void uart_tx_dma_handler(void) {
-    if ((DMA1_ISR & DMA1_ISR_TEIF4) != 0u) {
+    if ((DMA1_ISR & DMA1_ISR_TEIF4) != 0U) {
         count_error(); /* the block is lost, the next one is sent */
     }
     DMA1_IFCR = DMA1_IFCR_CGIF4;
-    DMA1_CCR4 = 0u;
+    DMA1_CCR4 = 0U;
     tx_sent += tx_flying;
     send_next();
     if (tx_refused) {
@@ -131,7 +131,7 @@ void uart_tx_dma_handler(void) {
 size_t board_uart_room(void) {
     tx_refused = true; /* set before the check, because a block may end in between */
     const size_t room = TX_BYTES - (tx_written - tx_sent);
-    tx_refused = room == 0u;
+    tx_refused = room == 0U;
     return room;
 }
 
@@ -146,7 +146,7 @@ size_t board_uart_write(const uint8_t *bytes, size_t count) {
     tx_written += (uint32_t)accepted;
     /* While a block is being sent, its interrupt sends the new bytes next; while none is, no interrupt can
      * come in between. */
-    if (tx_flying == 0u) {
+    if (tx_flying == 0U) {
         send_next();
     }
     return accepted;

@@ -15,22 +15,22 @@
 #include "stm32f103.h"
 #include "systick.h"
 
-#define IWDG_RELOAD  625u
-#define UPDATE_POLLS 1000u /* five LSI cycles, 170 us, for each of the two registers */
-#define WWDG_DIVIDER 4096u
-#define WWDG_RESET   0x3fu /* the count at which it resets */
-#define WWDG_STEPS   64u   /* from the highest count to WWDG_RESET; the first step may be short */
-#define WDGTB_SHIFT  7u    /* in WWDG_CFR */
-#define HANG_US      40000u
-#define ERASE_US     50000u /* the longest count must last longer than this */
+#define IWDG_RELOAD  625U
+#define UPDATE_POLLS 1000U /* five LSI cycles, 170 us, for each of the two registers */
+#define WWDG_DIVIDER 4096U
+#define WWDG_RESET   0x3fU /* the count at which it resets */
+#define WWDG_STEPS   64U   /* from the highest count to WWDG_RESET; the first step may be short */
+#define WDGTB_SHIFT  7U    /* in WWDG_CFR */
+#define HANG_US      40000U
+#define ERASE_US     50000U /* the longest count must last longer than this */
 
 static uint32_t fed_ms;
 BOARD_GUARDED static uint32_t loop_count;
 
 void watchdog_init(void) {
     const uint32_t pclk1_mhz = clock_pclk1_mhz();
-    uint32_t prescaler = 0u;
-    while (((WWDG_STEPS - 1u) * WWDG_DIVIDER << prescaler) < ERASE_US * pclk1_mhz) {
+    uint32_t prescaler = 0U;
+    while (((WWDG_STEPS - 1U) * WWDG_DIVIDER << prescaler) < ERASE_US * pclk1_mhz) {
         prescaler++;
     }
     loop_count = WWDG_RESET + HANG_US * pclk1_mhz / (WWDG_DIVIDER << prescaler);
@@ -41,7 +41,7 @@ void watchdog_init(void) {
     IWDG_KR = IWDG_KR_KEY_UNLOCK;
     IWDG_PR = IWDG_PR_PR_DIV16;
     IWDG_RLR = IWDG_RELOAD;
-    (void)clock_wait(&IWDG_SR, IWDG_SR_PVU | IWDG_SR_RVU, 0u, UPDATE_POLLS);
+    (void)clock_wait(&IWDG_SR, IWDG_SR_PVU | IWDG_SR_RVU, 0U, UPDATE_POLLS);
     watchdog_feed_longest();
 }
 
