@@ -38,6 +38,10 @@ MAY_SKIP = [
 ]
 """Files, as a pattern, and reasons, as a regular expression: what may be skipped all the same."""
 
+CALLERS: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+"""Signals that a caller may have ignored or blocked, as a shell does for what it runs behind `&`. Processes inherit
+that, and tests of how plumb ends would wait in vain."""
+
 _terminal = pytest.StashKey[int]()
 
 
@@ -47,6 +51,10 @@ def _leave(bus: PlumbBus) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    for number, handler in CALLERS.items():
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, handler)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, CALLERS)
     for place in ("CONFIG", "STATE", "RUNTIME"):  # not the settings and the boards of whoever runs the tests
         name = f"XDG_{place}_HOME" if place != "RUNTIME" else "XDG_RUNTIME_DIR"
         os.environ[name] = tempfile.mkdtemp(prefix="plumb-tests-")
