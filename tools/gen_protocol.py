@@ -25,7 +25,7 @@ from plumb.spec import parameters  # noqa: E402
 from plumb.spec.protocol import Message, load_database, protocol  # noqa: E402
 from support.link_functions import disarms  # noqa: E402
 from support.margin import SLOW, constants, parts  # noqa: E402
-from support.native_board import NativeBoard  # noqa: E402
+from support.native_board import UartBoard  # noqa: E402
 
 
 def message_table() -> str:
@@ -142,7 +142,7 @@ class Scene:
     """A session with a new board, recorded as a transcript."""
 
     def __init__(self) -> None:
-        self.board = NativeBoard(seed=1)
+        self.board = UartBoard(seed=1)
         self.lines: list[str] = []
         self.heard: dict[str, dict[str, int]] = {}
         self._counter: dict[int, int] = {}

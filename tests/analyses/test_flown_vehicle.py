@@ -32,7 +32,7 @@ from plumb.systems.quadrotor import scenarios
 from plumb.systems.quadrotor.plant import command_of
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.systems.quadrotor.vehicle import Vehicles
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.recordings import log_of_counts
 
 PERIOD_US, SECONDS, RUNS, WIND_MPS = 5_000, 46.0, 10, 4.0
@@ -135,7 +135,7 @@ def test_the_command_takes_a_log_and_gives_the_lines_that_set_it(
 
 
 def test_what_was_found_is_set_on_a_board_and_saved(monkeypatch: pytest.MonkeyPatch) -> None:
-    session = Session(PlumbBus(NativeBoard()))
+    session = Session(PlumbBus(UartBoard()))
     session.connect()
     session.upload(quantise(scenarios.HUMMINGBIRD).words(), period_us=scenarios.PERIOD_US)
     monkeypatch.setattr(options, "linked_board_of", lambda arguments: nullcontext(SimpleNamespace(session=session)))

@@ -14,7 +14,7 @@ from plumb.link.board_frames import PERIODIC
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,7 +31,7 @@ def test_no_frame_is_longer_than_the_worst() -> None:
 
 
 def test_an_idle_link_says_as_much_as_is_reckoned() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     with Session(PlumbBus(board)) as session:
         session.connect()
         heard: list[int] = []

@@ -22,7 +22,7 @@ BOOT_US = 30_000
 FAULT_CLOCK_FALLBACK, FAULT_CAN_OVERRUN = 0x100, 0x800
 
 
-class Board:
+class CanBoard:
     """The image, started, with frames by name on both of its links."""
 
     def __init__(self, **options: Any) -> None:
@@ -78,8 +78,8 @@ class Board:
 
 
 @pytest.fixture
-def board() -> Board:
-    board = Board()
+def board() -> CanBoard:
+    board = CanBoard()
     assert board.machine.warnings == []
     return board
 
@@ -88,7 +88,7 @@ def names(said: list[tuple[str, dict[str, int]]]) -> list[str]:
     return [name for name, _ in said]
 
 
-def test_hello_opens_the_link_and_close_ends_it(board: Board) -> None:
+def test_hello_opens_the_link_and_close_ends_it(board: CanBoard) -> None:
     assert board.heard(300_000) == []
     board.hello()
     items = [words for name, words in board.heard() if name == "IDENTITY"]
@@ -101,7 +101,7 @@ def test_hello_opens_the_link_and_close_ends_it(board: Board) -> None:
 
 
 @pytest.mark.parametrize("kbit", [125, 250, 500, 1000])
-def test_every_bit_rate_is_exact(board: Board, kbit: int) -> None:
+def test_every_bit_rate_is_exact(board: CanBoard, kbit: int) -> None:
     board.open_uart()
     board.commit(can_bitrate_kbit=kbit)
     assert board.machine.can.kbit == kbit
@@ -112,7 +112,7 @@ def test_every_bit_rate_is_exact(board: Board, kbit: int) -> None:
     assert names(board.heard(60_000)).count("IDENTITY") > 15
 
 
-def test_a_rate_that_cannot_be_exact_is_refused(board: Board) -> None:
+def test_a_rate_that_cannot_be_exact_is_refused(board: CanBoard) -> None:
     board.open_uart()
     rows = parameters.table()
     index = next(i for i, row in enumerate(rows) if row.name == "can_bitrate_kbit")
@@ -123,7 +123,7 @@ def test_a_rate_that_cannot_be_exact_is_refused(board: Board) -> None:
     assert board.machine.can.kbit == 500
 
 
-def test_only_the_hosts_identifiers_pass_the_filters(board: Board) -> None:
+def test_only_the_hosts_identifiers_pass_the_filters(board: CanBoard) -> None:
     mine = {message.identifier for message in protocol().messages.values() if message.sender == "HOST"}
     passing = {i for i in range(0x800) if board.machine.can.match(WireFrame(i, bytes(8))) is not None}
     assert passing == mine
@@ -132,7 +132,7 @@ def test_only_the_hosts_identifiers_pass_the_filters(board: Board) -> None:
     assert board.machine.can.match(WireFrame(some << 18, bytes(8), extended=True)) is None
 
 
-def test_frames_go_out_in_the_order_they_were_queued(board: Board) -> None:
+def test_frames_go_out_in_the_order_they_were_queued(board: CanBoard) -> None:
     """Not by identifier: a STEP before its words, though the words would win."""
     board.hello()
     board.heard(300_000)
@@ -151,7 +151,7 @@ def test_frames_go_out_in_the_order_they_were_queued(board: Board) -> None:
     assert [words["step"] for name, words in steps if name == "STEP"] == list(range(20))
 
 
-def test_a_frame_whose_release_takes_time_is_taken_once(board: Board) -> None:
+def test_a_frame_whose_release_takes_time_is_taken_once(board: CanBoard) -> None:
     board.machine.can.release_ticks = 40320  # 1 us
     board.hello()
     board.heard()
@@ -162,7 +162,7 @@ def test_a_frame_whose_release_takes_time_is_taken_once(board: Board) -> None:
 
 
 @pytest.mark.slow
-def test_an_answer_after_a_long_silence_may_wait_for_others(board: Board) -> None:
+def test_an_answer_after_a_long_silence_may_wait_for_others(board: CanBoard) -> None:
     """Patience with a frame begins when it was given to the controller."""
     board.machine.advance_us(3_000_000)
     for number in range(40):
@@ -173,7 +173,7 @@ def test_an_answer_after_a_long_silence_may_wait_for_others(board: Board) -> Non
     assert items == [*range(len(items) - 1), 65535]
 
 
-def test_a_bus_that_is_busy_for_longer_than_the_patience_loses_nothing(board: Board) -> None:
+def test_a_bus_that_is_busy_for_longer_than_the_patience_loses_nothing(board: CanBoard) -> None:
     """Every word of steps in lockstep at 125 kbit/s, most of a second without a free mailbox."""
     board.open_uart()
     board.commit(can_bitrate_kbit=125)
@@ -196,7 +196,7 @@ def test_a_bus_that_is_busy_for_longer_than_the_patience_loses_nothing(board: Bo
     assert [words["index"] for name, words in said if name == "WORD"] == list(range(32)) * 24
 
 
-def test_nobody_acknowledges(board: Board) -> None:
+def test_nobody_acknowledges(board: CanBoard) -> None:
     """Alone with a transceiver: the controller repeats for ever, never bus-off; the frames are given up, the link
     closes, the UART does not notice, and who comes later is heard at once."""
     board.open_uart()
@@ -216,7 +216,7 @@ def test_nobody_acknowledges(board: Board) -> None:
 
 
 @pytest.mark.slow
-def test_bus_off_and_back_after_a_pause_that_doubles(board: Board) -> None:
+def test_bus_off_and_back_after_a_pause_that_doubles(board: CanBoard) -> None:
     board.open_uart()
     board.hello()
     board.heard(5000)
@@ -249,7 +249,7 @@ def test_bus_off_and_back_after_a_pause_that_doubles(board: Board) -> None:
     assert board.machine.now_us - start_us < 10_000 + recovery_us + 4000
 
 
-def test_a_short_bus_off_costs_time_and_no_frame(board: Board) -> None:
+def test_a_short_bus_off_costs_time_and_no_frame(board: CanBoard) -> None:
     """In a run: what waited in the controller and in the queue is said after it, in order."""
     board.hello()
     board.heard()
@@ -268,7 +268,7 @@ def test_a_short_bus_off_costs_time_and_no_frame(board: Board) -> None:
     assert counters[-1]["dropped"] == 0 and board.machine.can.tec < 96
 
 
-def test_an_answer_that_waited_out_a_long_pause_is_not_given_up(board: Board) -> None:
+def test_an_answer_that_waited_out_a_long_pause_is_not_given_up(board: CanBoard) -> None:
     """A pause longer than the patience with one frame, and others who go first after it."""
     board.hello()
     board.heard()
@@ -284,7 +284,7 @@ def test_an_answer_that_waited_out_a_long_pause_is_not_given_up(board: Board) ->
         assert items == [*range(len(items) - 1), 65535]
 
 
-def test_a_few_errors_cost_repetitions_and_nothing_else(board: Board) -> None:
+def test_a_few_errors_cost_repetitions_and_nothing_else(board: CanBoard) -> None:
     board.hello()
     board.wire.fail_sending.extend([STUFF] * 5)
     board.wire.fail_receiving.extend([STUFF] * 5)
@@ -296,7 +296,7 @@ def test_a_few_errors_cost_repetitions_and_nothing_else(board: Board) -> None:
     assert board.machine.can.tec < 96 and board.machine.can.rec < 96
 
 
-def test_a_babbling_node_starves_can_and_nothing_else(board: Board) -> None:
+def test_a_babbling_node_starves_can_and_nothing_else(board: CanBoard) -> None:
     """An identifier below everybody's: nothing else gets through, the loop and the UART go on."""
     board.open_uart()
     board.hello()
@@ -315,7 +315,7 @@ def test_a_babbling_node_starves_can_and_nothing_else(board: Board) -> None:
 
 
 @pytest.mark.slow
-def test_a_babbling_host_identifier_delays_no_step(board: Board) -> None:
+def test_a_babbling_host_identifier_delays_no_step(board: CanBoard) -> None:
     """DISARM frames without a right checksum at full rate: counted, no step is missed."""
     board.open_uart()
     board.hello()
@@ -334,7 +334,7 @@ def test_a_babbling_host_identifier_delays_no_step(board: Board) -> None:
     assert board.machine.reset_count == 1
 
 
-def test_a_host_at_the_wrong_rate_is_not_heard_and_does_no_harm(board: Board) -> None:
+def test_a_host_at_the_wrong_rate_is_not_heard_and_does_no_harm(board: CanBoard) -> None:
     board.open_uart()
     board.wire.kbit = 250
     for _ in range(20):
@@ -347,7 +347,7 @@ def test_a_host_at_the_wrong_rate_is_not_heard_and_does_no_harm(board: Board) ->
     assert "IDENTITY" in names(board.heard())
 
 
-def test_a_bus_held_dominant_and_released(board: Board) -> None:
+def test_a_bus_held_dominant_and_released(board: CanBoard) -> None:
     board.open_uart()
     board.hello()
     board.heard(5000)
@@ -363,7 +363,7 @@ def test_a_bus_held_dominant_and_released(board: Board) -> None:
 
 
 def test_never_on_the_bus_without_a_crystal() -> None:
-    board = Board(crystal=False)
+    board = CanBoard(crystal=False)
     assert not board.machine.can.clocked
     board.hello()
     assert board.heard(300_000) == []
@@ -373,7 +373,7 @@ def test_never_on_the_bus_without_a_crystal() -> None:
     assert board.health()["bus_off"] == 1
 
 
-def test_a_crystal_that_dies_takes_the_board_off_the_bus(board: Board) -> None:
+def test_a_crystal_that_dies_takes_the_board_off_the_bus(board: CanBoard) -> None:
     board.hello()
     board.heard()
     board.machine.rcc.kill_crystal()
@@ -384,7 +384,7 @@ def test_a_crystal_that_dies_takes_the_board_off_the_bus(board: Board) -> None:
     assert not board.machine.can.clocked
 
 
-def test_a_burst_beyond_the_ring_is_lost_counted_and_reported(board: Board) -> None:
+def test_a_burst_beyond_the_ring_is_lost_counted_and_reported(board: CanBoard) -> None:
     """A flood of requests whose answers lose the bus to it: the queue of replies fills, nothing more is taken in."""
     board.wire.kbit = 1000
     board.open_uart()
@@ -407,7 +407,7 @@ def test_a_burst_beyond_the_ring_is_lost_counted_and_reported(board: Board) -> N
 @pytest.mark.parametrize("how", ["reset pin", "power cut", "brown-out"])
 def test_the_board_is_lost_in_the_middle_of_a_frame(how: str) -> None:
     """At any bit of its own or of another's: half a frame is nobody's, the others go on, and so does the board."""
-    board, chance = Board(), random.Random(how)
+    board, chance = CanBoard(), random.Random(how)
     machine = board.machine
     for _ in range(12):
         board.hello()

@@ -9,7 +9,7 @@ from plumb.errors import LinkError
 from plumb.link.session import Session
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
-from support.native_board import BAUD_921600_NS, NativeBoard
+from support.native_board import BAUD_921600_NS, UartBoard
 from support.sessions import CONTROL, armed_session
 
 IMAGE, CLOCK, UART, WATCHDOG, CAN, STRAP = 0x0008, 0x0100, 0x0200, 0x0400, 0x0800, 0x8000
@@ -17,13 +17,13 @@ CAN_FRAME_NS = 130_000
 """At 1 Mbit/s."""
 
 
-def faults(board: NativeBoard) -> int:
+def faults(board: UartBoard) -> int:
     with Session.open(board) as session:
         return session.connect()["FAULTS"]
 
 
 def test_two_boards_in_a_process_know_nothing_of_each_other() -> None:
-    one, other = NativeBoard(), NativeBoard()
+    one, other = UartBoard(), UartBoard()
     with Session.open(one) as session:
         session.upload(CONTROL, period_us=3000)
         session.execute("SAVE")
@@ -34,7 +34,7 @@ def test_two_boards_in_a_process_know_nothing_of_each_other() -> None:
 
 def test_the_same_calls_give_the_same_bytes() -> None:
     def told() -> bytes:
-        board = NativeBoard()
+        board = UartBoard()
         with Session.open(board) as session:
             session.begin("REALTIME_LIVE")
             board.heard()
@@ -45,7 +45,7 @@ def test_the_same_calls_give_the_same_bytes() -> None:
 
 
 def test_a_flash_that_refuses_is_told_and_the_set_in_use_stays() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     board.wires.flash_refuses = 1
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=3000)
@@ -56,7 +56,7 @@ def test_a_flash_that_refuses_is_told_and_the_set_in_use_stays() -> None:
 
 
 def test_a_loop_too_late_for_its_ring_loses_bytes_and_counts_them() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     board.baud(down_ns=BAUD_921600_NS)
     board.write(b"\r" * 4000)
     board.turn(15_000)  # 11 ms fill the ring
@@ -64,7 +64,7 @@ def test_a_loop_too_late_for_its_ring_loses_bytes_and_counts_them() -> None:
 
 
 def test_a_loop_too_late_for_a_flood_of_frames_says_so() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     board.run_us(2000)
     board.wires.can_frame_ns = CAN_FRAME_NS
     message = protocol()["KEEPALIVE"]
@@ -75,7 +75,7 @@ def test_a_loop_too_late_for_a_flood_of_frames_says_so() -> None:
 
 
 def test_turns_that_miss_their_deadline_end_in_a_reset() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     board.wires.turn_us = 12_000
     board.run_us(200_000)
     assert board.wires.resets
@@ -84,7 +84,7 @@ def test_turns_that_miss_their_deadline_end_in_a_reset() -> None:
 
 
 def test_without_a_crystal_the_board_stays_off_the_bus() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     board.wires.no_crystal = 1
     board.reset()
     assert faults(board) & CLOCK
@@ -93,7 +93,7 @@ def test_without_a_crystal_the_board_stays_off_the_bus() -> None:
 
 
 def test_a_bus_with_nobody_on_it_stops_nothing() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     with NativeCanBus(board.mcu) as bus:
         Session.over(bus)
         board.wires.can_kbit = 0
@@ -106,7 +106,7 @@ def test_a_bus_with_nobody_on_it_stops_nothing() -> None:
 
 @pytest.mark.parametrize(("wire", "value", "fault"), [("image_damaged", 1, IMAGE), ("strap", 1, STRAP)])
 def test_what_is_wrong_at_the_start_blocks_arming(wire: str, value: int, fault: int) -> None:
-    board = NativeBoard()
+    board = UartBoard()
     setattr(board.wires, wire, value)
     board.reset()
     with Session.open(board) as session:

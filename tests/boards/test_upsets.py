@@ -64,7 +64,7 @@ def areas(elf: Elf) -> list[range]:
 
 
 @dataclass
-class Board:
+class FlippedBoard:
     machine: Machine
     session: Session
     elf: Elf
@@ -89,14 +89,14 @@ class Board:
         return self.session.telemetry
 
 
-def started(image: bytes, elf: Elf) -> Board:
+def started(image: bytes, elf: Elf) -> FlippedBoard:
     machine = Machine(image)
     at_rest(machine)
     machine.advance_us(30_000)
-    return Board(machine, Session.open(machine.uart), elf)
+    return FlippedBoard(machine, Session.open(machine.uart), elf)
 
 
-def driving(image: bytes, elf: Elf) -> Board:
+def driving(image: bytes, elf: Elf) -> FlippedBoard:
     """Armed on its own sensors, outputs away from neutral, the loop asleep."""
     board = started(image, elf)
     board.session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
@@ -109,7 +109,7 @@ def driving(image: bytes, elf: Elf) -> Board:
 
 
 @pytest.fixture(scope="module")
-def flown(image: bytes, elf: Elf) -> Iterator[tuple[Board, Snapshot]]:
+def flown(image: bytes, elf: Elf) -> Iterator[tuple[FlippedBoard, Snapshot]]:
     board = driving(image, elf)
     yield board, board.machine.snapshot(board.session)
     board.session.close()
@@ -130,7 +130,7 @@ def test_the_sample_of_flips_touches_every_word(elf: Elf) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
-def test_every_flip_disarms_before_the_next_pulse_and_is_named(flown: tuple[Board, Snapshot], part: int) -> None:
+def test_every_flip_disarms_before_the_next_pulse_and_is_named(flown: tuple[FlippedBoard, Snapshot], part: int) -> None:
     board, snapshot = flown
     machine = board.machine
     machine.restore(snapshot)
@@ -158,7 +158,7 @@ def test_every_flip_disarms_before_the_next_pulse_and_is_named(flown: tuple[Boar
 
 
 @pytest.mark.parametrize("clock", ["ticks_ms", "last_us"])
-def test_no_flip_in_the_clock_keeps_a_silent_host_armed(flown: tuple[Board, Snapshot], clock: str) -> None:
+def test_no_flip_in_the_clock_keeps_a_silent_host_armed(flown: tuple[FlippedBoard, Snapshot], clock: str) -> None:
     """The clock is written by an interrupt, and lies outside the checked area: set back, it must not stand still until
     it has caught up."""
     board, snapshot = flown
@@ -172,7 +172,7 @@ def test_no_flip_in_the_clock_keeps_a_silent_host_armed(flown: tuple[Board, Snap
         assert board.machine.run_until(neutral, SILENCE_US), f"bit {bit} of {clock}"
 
 
-def test_a_clock_that_is_set_back_is_named(flown: tuple[Board, Snapshot]) -> None:
+def test_a_clock_that_is_set_back_is_named(flown: tuple[FlippedBoard, Snapshot]) -> None:
     board, snapshot = flown
     board.machine.restore(snapshot)
     ticks = board.word("ticks_ms")

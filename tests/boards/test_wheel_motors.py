@@ -23,7 +23,7 @@ from plumb.proof.faults import core
 from plumb.proof.faults.host import disarms
 from plumb.proof.faults.scene import Scene, arm, driving
 from plumb.spec.records import RECORDS
-from plumb.systems.wheels.pins import BREAK_PIN, MOTORS, Coupling
+from plumb.systems.wheels.pins import BREAK_PIN, MOTORS, WheelsCoupling
 
 pytestmark = pytest.mark.slow
 PWM, DIRECTIONS = tuple(pins[0] for pins in MOTORS), tuple(pin for pins in MOTORS for pin in pins[1:])
@@ -285,7 +285,7 @@ def test_a_loop_that_goes_on_after_a_stall_writes_nothing(scene: Scene) -> None:
 def test_encoders_and_the_riders_switch_arrive_as_counts(scene: Scene) -> None:
     """Modulo 2^16; the switch closes to ground."""
     machine, coupling = scene.machine, scene.coupling
-    assert isinstance(coupling, Coupling)
+    assert isinstance(coupling, WheelsCoupling)
     plant = coupling.plant
 
     def counts() -> list[int]:

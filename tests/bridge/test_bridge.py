@@ -32,7 +32,7 @@ from plumb.proof.shadow import Shadow
 from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
 from support import slow_time
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 IntArray = np.ndarray[Any, np.dtype[Any]]
 
@@ -259,7 +259,7 @@ STEPS = 60
 
 @pytest.fixture
 def session() -> Iterator[Session]:
-    with Session(PlumbBus(NativeBoard())) as opened:
+    with Session(PlumbBus(UartBoard())) as opened:
         opened.connect()
         yield opened
 

@@ -12,7 +12,7 @@ from plumb.link.sample_codec import Said, sample_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.quad import scenarios as quad
-from support.native_board import AT_REST, NativeBoard
+from support.native_board import AT_REST, UartBoard
 from support.noise import with_noise
 
 PERIOD_US = 20_000
@@ -25,7 +25,7 @@ class SteadySensor:
 
     trouble, ended, generation, quiet_s, spec = "", False, 0, 0.0, "memory"
 
-    def __init__(self, board: NativeBoard, setpoint: int) -> None:
+    def __init__(self, board: UartBoard, setpoint: int) -> None:
         self.board, self.setpoint, self.sent = board, setpoint, 0
         self.speaks = True
 
@@ -49,7 +49,7 @@ class Joined:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, setpoint: int = 0, arm: bool = False) -> None:
         self.said: list[str] = []
-        board = NativeBoard()
+        board = UartBoard()
         board.baud(down_ns=33_333, up_ns=33_333)
         self.sensor = SteadySensor(board, setpoint)
         link = {"period_us": PERIOD_US, "arm_hold_ms": 0}

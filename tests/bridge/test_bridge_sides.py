@@ -25,7 +25,7 @@ from plumb.spec import dbc
 from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.slow_time import slow_down
 
 TURN_US = 1000
@@ -38,7 +38,7 @@ class ServedBoard:
     for it afterwards."""
 
     def __init__(self) -> None:
-        self.line, self.memory, self.held = TcpEndpoint(0), NativeBoard(), False
+        self.line, self.memory, self.held = TcpEndpoint(0), UartBoard(), False
         self.spec = self.line.address.replace("socket://", "tcp:")
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._run)

@@ -20,7 +20,7 @@ from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 
 def test_percentiles_are_those_of_the_values_within_a_bucket() -> None:
@@ -75,7 +75,7 @@ def test_carrying_measures_from_the_arrival_to_the_end_of_the_write(monkeypatch:
 
 @pytest.fixture
 def session() -> Iterator[Session]:
-    with Session(PlumbBus(NativeBoard())) as opened:
+    with Session(PlumbBus(UartBoard())) as opened:
         opened.connect()
         yield opened
 

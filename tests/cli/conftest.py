@@ -9,13 +9,13 @@ import pytest
 
 from plumb.boards.link import LinkBoard
 from plumb.link.session import Session
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> NativeBoard:
+def board(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> UartBoard:
     """The board that every --board names, and folders of its own for what plumb keeps."""
-    memory = NativeBoard()
+    memory = UartBoard()
 
     def opened(_spec: str, **_options: Any) -> LinkBoard:
         return LinkBoard("memory", Session.open(memory))

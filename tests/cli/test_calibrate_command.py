@@ -21,7 +21,7 @@ from plumb.systems.wheels import poses as wheels_poses
 from plumb.systems.wheels.plant import WheelsPlant
 from plumb.tuning.pose_calibration import Pose, Residual
 from support.declared_systems import without_part
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 SEED = 1003
 
@@ -109,7 +109,7 @@ def test_the_command_writes_what_it_shows_and_undo_puts_it_back(
     answers: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(Calibration, "run", found_on)
-    memory = NativeBoard()
+    memory = UartBoard()
     memory.run_us(50_000)
     monkeypatch.setattr("plumb.cli.calibrate.opened", lambda _: (LinkBoard("memory", Session.open(memory)), None))
     call = ["calibrate", "--board", "serial:memory", "--answers", str(answers)]

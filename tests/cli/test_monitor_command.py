@@ -19,15 +19,15 @@ from plumb.contract.parameters import ControlParams
 from plumb.link import monitor
 from plumb.link.session import Session
 from plumb.spec import declarations, parameters
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 RAW = (1690, 2300, 3000, 0, 0, 0)
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
-    memory = NativeBoard()
+def board(monkeypatch: pytest.MonkeyPatch) -> UartBoard:
+    memory = UartBoard()
     memory.sensors(RAW)
 
     def opened(_spec: str, **_options: Any) -> LinkBoard:
@@ -44,14 +44,14 @@ def looks(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str,
     return [json.loads(line) for line in captured.out.splitlines()]
 
 
-def left_running(board: NativeBoard, *frames: str, period_us: int = 20_000) -> None:
+def left_running(board: UartBoard, *frames: str, period_us: int = 20_000) -> None:
     """A run that another host began and left behind."""
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=period_us)
         session.begin("REALTIME_LIVE", frames=frames)
 
 
-def test_a_run_of_its_own_is_shown_in_units(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_of_its_own_is_shown_in_units(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     shown = looks(capsys, "--run", "live", "--seconds", "1.5")
     assert len(shown) == 15
     last = shown[-1]
@@ -75,7 +75,7 @@ def test_a_run_of_its_own_is_shown_in_units(board: NativeBoard, capsys: pytest.C
 
 
 def test_who_only_watches_says_nothing_and_the_run_goes_on(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, capsys: pytest.CaptureFixture[str]
 ) -> None:
     left_running(board, "QUAD_ANGLE")
     sent = b""
@@ -101,13 +101,13 @@ def test_who_only_watches_says_nothing_and_the_run_goes_on(
     assert board.steps - before >= 109
 
 
-def test_an_idle_board_shows_no_angle(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_idle_board_shows_no_angle(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     last = looks(capsys, "--seconds", "0.5")[-1]
     assert (last["mode"], last["step"], last["tilt_deg"], last["armed"]) == ("IDLE", None, None, False)
     assert "no run is on" in last["blocked"]
 
 
-def test_the_first_look_waits_for_everything_an_open_link_says(board: NativeBoard) -> None:
+def test_the_first_look_waits_for_everything_an_open_link_says(board: UartBoard) -> None:
     with Session.open(board) as session:
         late_us = board.time_us + 250_000
         board.spoil_up = lambda data: data if board.time_us > late_us or b"t111" not in data else b""
@@ -115,7 +115,7 @@ def test_the_first_look_waits_for_everything_an_open_link_says(board: NativeBoar
     assert first["mode"] == "IDLE" and first["board_lost"] is not None and first["saturated_steps"] is not None
 
 
-def test_what_does_not_come_any_more_is_not_shown(board: NativeBoard) -> None:
+def test_what_does_not_come_any_more_is_not_shown(board: UartBoard) -> None:
     with Session.open(board) as session:
         monitor.begin_live(session)
         for number, shown in enumerate(monitor.watch(session, 2.0)):
@@ -125,7 +125,7 @@ def test_what_does_not_come_any_more_is_not_shown(board: NativeBoard) -> None:
         assert shown["tilt_deg"] is None and shown["step"] is None and shown["mode"] == "IDLE"
 
 
-def test_what_was_lost_is_counted(board: NativeBoard) -> None:
+def test_what_was_lost_is_counted(board: UartBoard) -> None:
     dropped = {b"t100": (7, 9), b"t304": (4,), b"t111": (4,)}
     heard = dict.fromkeys(dropped, 0)
 
@@ -149,7 +149,7 @@ def test_what_was_lost_is_counted(board: NativeBoard) -> None:
     assert (last["host_lost_steps"], last["host_lost"], last["host_rejected"]) == (2, 2, 1)
 
 
-def test_the_board_s_faults_are_named(board: NativeBoard) -> None:
+def test_the_board_s_faults_are_named(board: UartBoard) -> None:
     board.sensors(RAW, faults=0x101)
     with Session.open(board) as session:
         last = list(monitor.watch(session, 0.3))[-1]
@@ -165,14 +165,14 @@ def test_a_run_asks_for_no_more_than_the_line_carries(period_us: int, frames: in
     assert (1 + len(chosen)) * 22 * 1e6 / period_us < 92_160
 
 
-def test_silence_is_link_trouble(board: NativeBoard) -> None:
+def test_silence_is_link_trouble(board: UartBoard) -> None:
     with Session.open(board) as session, pytest.raises(Exception, match="fell silent") as caught:
         board.spoil_up = lambda _data: b""
         list(monitor.watch(session))
     assert getattr(caught.value, "exit_code", None) == 3
 
 
-def test_one_line_a_second_where_there_is_no_terminal(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_line_a_second_where_there_is_no_terminal(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "2.5"]) == 0
     rows = capsys.readouterr().out.splitlines()
     assert len(rows) == 2
@@ -187,7 +187,7 @@ def test_one_line_a_second_where_there_is_no_terminal(board: NativeBoard, capsys
 
 
 def test_a_line_says_volts_and_why_nothing_is_armed(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    board: UartBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert front.main(["monitor", "--board", "memory", "--seconds", "0.3", "--json"]) == 0
     seen = {**json.loads(capsys.readouterr().out.splitlines()[-1]), "faults": [], "armed": False}
@@ -199,7 +199,11 @@ def test_a_line_says_volts_and_why_nothing_is_armed(
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
 def test_an_interrupt_ends_the_run_and_is_a_normal_end(
-    number: int, code: int, board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    number: int,
+    code: int,
+    board: UartBoard,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     handler = signal.getsignal(number)
     look: Callable[[monitor.Monitor], monitor.Snapshot] = monitor.Monitor.snapshot
@@ -264,7 +268,7 @@ def test_on_the_virtual_board_any_systems_plant_is_on_the_pins(
     assert not any(other in line for name, other in words.items() if name != system)
 
 
-def test_a_plant_is_for_the_virtual_board_alone(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plant_is_for_the_virtual_board_alone(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["monitor", "--board", "memory", "--system", "balancer"]) == 2
     assert "params tuning SYSTEM" in capsys.readouterr().err
     assert front.main(["monitor", "--board", "memory", "--scenario", "hold"]) == 2

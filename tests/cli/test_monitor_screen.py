@@ -20,7 +20,7 @@ from plumb.cli import monitor as command
 from plumb.errors import LinkError
 from plumb.link.monitor import Extremes, begin_live, watch
 from plumb.link.session import Session
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 pytest.importorskip("rich", reason="the display of plumb monitor needs rich (the extra monitor)")
 from rich.console import Console
@@ -34,8 +34,8 @@ COLOUR = re.compile(r"\x1b\[(?:\d+;)*(?:3[0-7]|4[0-7])m")
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
-    memory = NativeBoard()
+def board(monkeypatch: pytest.MonkeyPatch) -> UartBoard:
+    memory = UartBoard()
     memory.sensors(RAW)
     monkeypatch.setattr("plumb.boards.open_link_board", lambda *_, **__: LinkBoard("memory", Session.open(memory)))
     return memory
@@ -84,7 +84,7 @@ def screen_of(width: int = 100, height: int = 40, encoding: str = "utf-8") -> tu
 
 @pytest.mark.usefixtures("terminal")
 def test_the_display_shows_the_values_their_extremes_and_the_state(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Two seconds are whole periods: the display ends while the frames of the newest step are on the line."""
     out, _ = monitored(capsys, "--seconds", "2")
@@ -120,7 +120,7 @@ def test_lines_where_the_display_cannot_be_or_is_not_wanted(
     assert ("the display needs rich; install it" in err) == (why == "no rich")
 
 
-def test_extremes_are_those_of_every_frame_and_not_of_the_looks(board: NativeBoard) -> None:
+def test_extremes_are_those_of_every_frame_and_not_of_the_looks(board: UartBoard) -> None:
     extremes = Extremes()
     with Session.open(board) as session:
         begin_live(session)
@@ -141,7 +141,7 @@ def test_extremes_are_those_of_every_frame_and_not_of_the_looks(board: NativeBoa
 
 def look(**values: object) -> dict[str, Any]:
     """A snapshot of an idle board with these values."""
-    with Session.open(NativeBoard()) as session:
+    with Session.open(UartBoard()) as session:
         return {**next(iter(watch(session, 0.1))), **values}
 
 
@@ -230,7 +230,7 @@ def test_where_stdin_is_no_terminal_there_are_no_keys(monkeypatch: pytest.Monkey
 class Cut:
     """A board whose cable is cut after so many looks, and back after two attempts to open it."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, board: NativeBoard) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, board: UartBoard) -> None:
         self.attempts, self.board = 0, board
         self.between: Callable[[], None] = lambda: None
         monkeypatch.setattr("plumb.boards.open_link_board", self.opened)
@@ -252,7 +252,7 @@ class Cut:
 
 
 def test_it_waits_for_the_board_and_comes_back_to_its_run(
-    board: NativeBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cut = Cut(monkeypatch, board)
     tick = iter(range(10**6))
@@ -268,7 +268,7 @@ def test_it_waits_for_the_board_and_comes_back_to_its_run(
 
 
 def test_a_run_that_another_host_began_meanwhile_goes_on(
-    board: NativeBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cut = Cut(monkeypatch, board)
 
@@ -289,7 +289,7 @@ def test_a_run_that_another_host_began_meanwhile_goes_on(
 
 
 def test_without_reconnect_a_lost_board_is_link_trouble_and_the_virtual_board_is_never_lost(
-    board: NativeBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Cut(monkeypatch, board)
     assert front.main(["monitor", "--board", "memory"]) == 3
@@ -298,7 +298,7 @@ def test_without_reconnect_a_lost_board_is_link_trouble_and_the_virtual_board_is
 
 
 def test_ctrl_c_while_it_waits_for_the_board_is_a_normal_end(
-    board: NativeBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Cut(monkeypatch, board)
 

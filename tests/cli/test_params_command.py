@@ -22,7 +22,7 @@ from plumb.link.session import Session
 from plumb.spec import declarations, parameter_file, parameters
 from plumb.spec.units import meaning
 from support.declared_systems import of_declared, without_outputs
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.params_command import in_use, params
 
 DEFAULTS = {row.name: row.default for row in parameters.table()}
@@ -66,7 +66,7 @@ def test_what_is_counted_per_step_means_something_by_the_period(name: str, value
     assert str(meaning(ROWS[name], {**DEFAULTS, "kalman.dt_s_q33": 1 << 31, name: value})) == means
 
 
-def test_the_list_has_every_parameter_and_the_crc(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_list_has_every_parameter_and_the_crc(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = params(capsys, "list", "--raw", "--json")
     said = json.loads(out)
     assert code == 0
@@ -76,7 +76,7 @@ def test_the_list_has_every_parameter_and_the_crc(board: NativeBoard, capsys: py
     assert len(out.splitlines()) == 1 + len(DEFAULTS)
 
 
-def test_a_change_is_committed_and_marked(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_change_is_committed_and_marked(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = params(capsys, "set", "--raw", "esc.mid_halfus=0xbb9", "pid.kp_q22=-5")
     assert code == 0 and err == ""
     assert "esc.mid_halfus: 3000 -> 3001 (1500.5 us)" in out and "set by a host and not saved" in out
@@ -110,7 +110,7 @@ def test_a_change_is_committed_and_marked(board: NativeBoard, capsys: pytest.Cap
     ],
 )
 def test_a_refusal_is_one_sentence_and_changes_nothing(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], assignments: list[str], sentence: str
+    board: UartBoard, capsys: pytest.CaptureFixture[str], assignments: list[str], sentence: str
 ) -> None:
     code, out, err = params(capsys, "set", "--raw", *assignments)
     assert code == 2 and out == ""
@@ -118,7 +118,7 @@ def test_a_refusal_is_one_sentence_and_changes_nothing(
     assert in_use(board) == DEFAULTS
 
 
-def test_two_periods_that_differ_are_warned_of(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_periods_that_differ_are_warned_of(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = params(capsys, "set", "--raw", "period_us=10000", "--json")
     assert code == 0 and "kalman.dt_s_q33" in err
     assert json.loads(out)["warnings"] == [err.strip().removeprefix("plumb: warning: ")]
@@ -126,7 +126,7 @@ def test_two_periods_that_differ_are_warned_of(board: NativeBoard, capsys: pytes
     assert code == 0 and err == ""
 
 
-def test_a_file_brings_a_table_back(board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_file_brings_a_table_back(board: UartBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "table.toml"
     params(capsys, "set", "--raw", "pid.kp_q22=7", "accel_up.offset=-137000000", "kalman.qb=4294967295")
     before = in_use(board)
@@ -142,7 +142,7 @@ def test_a_file_brings_a_table_back(board: NativeBoard, capsys: pytest.CaptureFi
 
 
 def test_unknown_missing_and_edited_are_warned_of_by_name(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    board: UartBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "table.toml"
     params(capsys, "dump", str(file))
@@ -160,7 +160,7 @@ def test_unknown_missing_and_edited_are_warned_of_by_name(
 
 
 def test_a_former_name_in_a_file_is_taken_and_the_new_one_named(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    board: UartBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "table.toml"
     params(capsys, "set", "--raw", "accel.gain=67585")
@@ -177,7 +177,7 @@ def test_a_former_name_in_a_file_is_taken_and_the_new_one_named(
 
 @pytest.mark.parametrize("words", [("set", "--raw", "accel_z.offset=1"), ("get", "--raw", "accel_z.offset")])
 def test_a_former_name_on_the_command_line_is_answered_with_the_new_one(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+    board: UartBoard, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
 ) -> None:
     code, out, err = params(capsys, *words)
     assert code == 2 and out == "" and "accel_z.offset is named accel_up.offset now" in err
@@ -199,7 +199,7 @@ def test_a_former_name_on_the_command_line_is_answered_with_the_new_one(
     ],
 )
 def test_a_bad_file_is_refused_in_a_sentence(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str | None, sentence: str
+    board: UartBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str | None, sentence: str
 ) -> None:
     file = tmp_path / "table.toml"
     if text is not None:
@@ -210,7 +210,7 @@ def test_a_bad_file_is_refused_in_a_sentence(
 
 
 def test_a_foreign_name_in_a_file_says_nothing_to_the_terminal(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    board: UartBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "table.toml"
     file.write_text(f'[values]\n"tilt.mode" = 0\n"\\u001b[2J\\n{MANY_F}" = 1\n')
@@ -223,14 +223,14 @@ def test_a_foreign_name_in_a_file_says_nothing_to_the_terminal(
 
 @pytest.mark.parametrize("name", ["tilt.mode", "esc.neutral_halfus"])
 def test_a_number_of_any_length_is_out_of_range(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], name: str
+    board: UartBoard, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     code, out, err = params(capsys, "set", "--raw", f"{name}=0x{MANY_F}")
     assert code == 2 and out == "" and f"{name} = 0xffffffff.. is outside" in err and len(err.splitlines()) == 1
 
 
 def test_a_table_that_came_back_wrong_is_link_trouble(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    board: UartBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Session, "read_parameters", lambda _self: list(range(len(DEFAULTS))))
     code, out, err = params(capsys, "list", "--raw")
@@ -245,7 +245,7 @@ def test_only_a_board_with_a_link_has_parameters(spec: str, capsys: pytest.Captu
 
 @pytest.mark.parametrize("system", list(systems.SYSTEMS))
 def test_a_board_becomes_a_system_with_its_shipped_tuning(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], system: str
+    board: UartBoard, capsys: pytest.CaptureFixture[str], system: str
 ) -> None:
     from plumb.contract.parameters import quantise
 
@@ -263,7 +263,7 @@ def test_a_board_becomes_a_system_with_its_shipped_tuning(
 
 
 @pytest.mark.parametrize("system", list(systems.SYSTEMS))
-def test_no_shipped_tuning_is_doubted(board: NativeBoard, capsys: pytest.CaptureFixture[str], system: str) -> None:
+def test_no_shipped_tuning_is_doubted(board: UartBoard, capsys: pytest.CaptureFixture[str], system: str) -> None:
     """Each has its own filter, whose period is that of its runs; another period is doubted by name."""
     code, _, err = params(capsys, "tuning", system)
     assert code == 0 and "angles will be wrong" not in err
@@ -275,7 +275,7 @@ def test_no_shipped_tuning_is_doubted(board: NativeBoard, capsys: pytest.Capture
     ("system", "pins"), of_declared([("quad", 0), ("balancer", 1), *((name, 1) for name in without_outputs())])
 )
 def test_a_tuning_brings_the_pins_of_what_the_system_moves(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], system: str, pins: int
+    board: UartBoard, capsys: pytest.CaptureFixture[str], system: str, pins: int
 ) -> None:
     """After a balancer; what moves nothing leaves the wiring as it is."""
     assert params(capsys, "set", "pins=1")[0] == 0
@@ -292,7 +292,7 @@ def listed(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, dic
     return {entry["alias"]: entry for entry in json.loads(out)["parameters"]}
 
 
-def test_values_are_set_in_units(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_values_are_set_in_units(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = params(capsys, "set", "pid.kp=0.05", "kalman.q_bias=2e-4", "kalman.r=0.05", "tilt=arcsine")
     assert code == 0 and err == ""
     assert out.splitlines()[:-1] == [
@@ -307,14 +307,14 @@ def test_values_are_set_in_units(board: NativeBoard, capsys: pytest.CaptureFixtu
     assert [found[name]["value"] for name in ("kalman.q_bias", "trust.r")] == pytest.approx([2e-4, 0.05], rel=1e-3)
 
 
-def test_a_period_keeps_the_angles_right(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_period_keeps_the_angles_right(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = params(capsys, "set", "period_us=10000")
     assert code == 0 and err == "" and out.splitlines()[0] == "period_us: 20000 -> 10000 us"
     assert in_use(board)["kalman.dt_s_q33"] == round(0.01 * 2**33)
 
 
 def test_the_list_marks_what_differs_from_the_tuning_it_came_from(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert params(capsys, "tuning", "balancer")[0] == 0
     params(capsys, "set", "drive.fall=40", "accel_bus=1")
@@ -337,20 +337,20 @@ def test_the_list_marks_what_differs_from_the_tuning_it_came_from(
     ],
 )
 def test_a_filter_takes_names_meanings_and_patterns(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], pattern: str, names: set[str]
+    board: UartBoard, capsys: pytest.CaptureFixture[str], pattern: str, names: set[str]
 ) -> None:
     assert set(listed(capsys, pattern)) == names
 
 
 @pytest.mark.parametrize("arguments", [("list", "qwxyz"), ("list", "qwxyz*"), ("list", "qwxyz", "--raw")])
 def test_a_filter_without_a_hit_is_a_sentence(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
+    board: UartBoard, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
 ) -> None:
     code, out, err = params(capsys, *arguments)
     assert code == 2 and out == "" and "qwxyz" in err and len(err.splitlines()) == 1
 
 
-def test_get_says_limits_and_integers(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_get_says_limits_and_integers(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = params(capsys, "get", "pid.kp", "tilt")
     assert code == 0 and "-0.711111 .. 0.711111 1/deg" in out and "held by pid.kp_q22 = 67947725" in out
     assert "arcsine or atan2" in out
@@ -380,7 +380,7 @@ def test_get_says_limits_and_integers(board: NativeBoard, capsys: pytest.Capture
     ],
 )
 def test_a_refusal_in_units_is_one_sentence_and_changes_nothing(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], assignments: list[str], sentence: str
+    board: UartBoard, capsys: pytest.CaptureFixture[str], assignments: list[str], sentence: str
 ) -> None:
     code, out, err = params(capsys, "set", *assignments)
     assert code == 2 and out == "" and sentence in err and len(err.splitlines()) == 1
@@ -388,7 +388,7 @@ def test_a_refusal_in_units_is_one_sentence_and_changes_nothing(
 
 
 def test_integers_that_stand_for_no_tuning_are_still_listed_raw(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, capsys: pytest.CaptureFixture[str]
 ) -> None:
     params(capsys, "tuning", "balancer")
     assert params(capsys, "set", "--raw", "wheel.alpha_q31=0")[0] == 0
@@ -398,7 +398,7 @@ def test_integers_that_stand_for_no_tuning_are_still_listed_raw(
 
 
 def test_a_board_of_other_definitions_is_shown_in_integers(
-    board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    board: UartBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def of_other_definitions(*of: Any) -> Identity:
         return replace(identity_of(*of), mismatch="the board was built from other message definitions")
@@ -410,7 +410,7 @@ def test_a_board_of_other_definitions_is_shown_in_integers(
     assert code == 3 and out == "" and "other message definitions" in err
 
 
-def test_a_tuning_that_is_none_is_wrong_use(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tuning_that_is_none_is_wrong_use(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = params(capsys, "tuning", "quad", "sharpest")
     assert code == 2 and "adaptive" in err
 

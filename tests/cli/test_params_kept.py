@@ -14,7 +14,7 @@ from plumb.files import places
 from plumb.link import parameter_history
 from plumb.spec import parameters
 from support.declared_systems import without_outputs
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.params_command import in_use, params
 
 OTHER = [*(name for name in systems.SYSTEMS if name != "quad"), *without_outputs()][-1]
@@ -49,7 +49,7 @@ def edits(program: Path, how: str) -> None:
 # ---- undo ----
 
 
-def test_undo_goes_back_one_change_after_the_other(board: NativeBoard, capsys: Capture) -> None:
+def test_undo_goes_back_one_change_after_the_other(board: UartBoard, capsys: Capture) -> None:
     params(capsys, "set", "pid.kp=0.05")
     once = in_use(board)
     params(capsys, "tuning", "balancer")
@@ -62,7 +62,7 @@ def test_undo_goes_back_one_change_after_the_other(board: NativeBoard, capsys: C
     assert code == 2 and out == "" and "nothing to undo: no change" in err
 
 
-def test_what_another_computer_changed_is_not_undone(board: NativeBoard, capsys: Capture) -> None:
+def test_what_another_computer_changed_is_not_undone(board: UartBoard, capsys: Capture) -> None:
     params(capsys, "set", "pid.kp=0.05")
     kept = history().read_text()
     params(capsys, "set", "pid.kp=0.06")
@@ -72,7 +72,7 @@ def test_what_another_computer_changed_is_not_undone(board: NativeBoard, capsys:
     assert code == 2 and "are not what a change from here left" in err and in_use(board) == before
 
 
-def test_undo_takes_back_a_reset_and_a_file(board: NativeBoard, capsys: Capture, tmp_path: Path) -> None:
+def test_undo_takes_back_a_reset_and_a_file(board: UartBoard, capsys: Capture, tmp_path: Path) -> None:
     params(capsys, "set", "pid.kp=0.05")
     params(capsys, "dump", str(tmp_path / "a.toml"))
     before = in_use(board)
@@ -82,7 +82,7 @@ def test_undo_takes_back_a_reset_and_a_file(board: NativeBoard, capsys: Capture,
     assert params(capsys, "undo")[0] == 0 and in_use(board) == before
 
 
-def test_the_changes_are_listed(board: NativeBoard, capsys: Capture) -> None:
+def test_the_changes_are_listed(board: UartBoard, capsys: Capture) -> None:
     params(capsys, "set", "pid.kp=0.05", "arm_hold_ms=5")
     params(capsys, "set", "pid.kp=0.05")  # changes nothing
     _, out, _ = params(capsys, "undo", "--list")
@@ -95,7 +95,7 @@ def test_the_changes_are_listed(board: NativeBoard, capsys: Capture) -> None:
     "damage",
     ["not json\n", "[]\n", '{"time": 1}\n', "null\n", '{"before": {}}\n', "[" * 5000 + "\n"],
 )
-def test_a_damaged_line_is_left_out(board: NativeBoard, capsys: Capture, damage: str) -> None:
+def test_a_damaged_line_is_left_out(board: UartBoard, capsys: Capture, damage: str) -> None:
     params(capsys, "set", "pid.kp=0.05")
     history().write_text(damage + history().read_text() + damage)
     assert params(capsys, "undo")[0] == 0
@@ -104,7 +104,7 @@ def test_a_damaged_line_is_left_out(board: NativeBoard, capsys: Capture, damage:
 
 @pytest.mark.parametrize("field", ["before", "after"])
 @pytest.mark.parametrize("value", [{"pid.kp_q22": "7"}, {"pid.kp_q22": True}, {"no.such": 7}, 7, None])
-def test_a_change_with_wrong_values_is_none(board: NativeBoard, capsys: Capture, field: str, value: object) -> None:
+def test_a_change_with_wrong_values_is_none(board: UartBoard, capsys: Capture, field: str, value: object) -> None:
     params(capsys, "set", "pid.kp=0.05")
     history().write_text(json.dumps({**json.loads(history().read_text()), field: value}) + "\n")
     code, _, err = params(capsys, "undo")
@@ -112,7 +112,7 @@ def test_a_change_with_wrong_values_is_none(board: NativeBoard, capsys: Capture,
 
 
 def test_a_change_that_cannot_be_kept_is_made_and_told(
-    board: NativeBoard, capsys: Capture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    board: UartBoard, capsys: Capture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
@@ -130,7 +130,7 @@ def test_the_file_of_changes_does_not_grow_without_end() -> None:
     assert parameter_history.file_of("../../x").parent == parameter_history.file_of("y").parent
 
 
-def test_the_tuning_that_was_chosen_is_remembered(board: NativeBoard, capsys: Capture) -> None:
+def test_the_tuning_that_was_chosen_is_remembered(board: UartBoard, capsys: Capture) -> None:
     """Even when another one is nearer by now; undo forgets it."""
     params(capsys, "tuning", "quad", "constant")
     params(capsys, "set", "trust.r=0.25", "trust.r_max=250", "trust.gain=1100", "kalman.q_angle=0.003", "pid.kp=0.05")
@@ -145,7 +145,7 @@ def test_the_tuning_that_was_chosen_is_remembered(board: NativeBoard, capsys: Ca
 # ---- profiles ----
 
 
-def test_a_profile_is_a_name_for_a_whole_table(board: NativeBoard, capsys: Capture) -> None:
+def test_a_profile_is_a_name_for_a_whole_table(board: UartBoard, capsys: Capture) -> None:
     params(capsys, "set", "pid.kp=0.05")
     windy = in_use(board)
     assert params(capsys, "profile", "save", "windy")[0] == 0
@@ -159,7 +159,7 @@ def test_a_profile_is_a_name_for_a_whole_table(board: NativeBoard, capsys: Captu
     assert params(capsys, "undo")[0] == 0 and in_use(board) == other
 
 
-def test_a_profile_belongs_to_one_board(board: NativeBoard, capsys: Capture) -> None:
+def test_a_profile_belongs_to_one_board(board: UartBoard, capsys: Capture) -> None:
     params(capsys, "profile", "save", "windy")
     board.wires.identity.unique_id[:] = (9, 9, 9)
     board.reset()
@@ -167,7 +167,7 @@ def test_a_profile_belongs_to_one_board(board: NativeBoard, capsys: Capture) -> 
     assert code == 2 and "this board has no profile 'windy'; it has none" in err
 
 
-def test_a_profile_is_replaced_by_force_alone(board: NativeBoard, capsys: Capture) -> None:
+def test_a_profile_is_replaced_by_force_alone(board: UartBoard, capsys: Capture) -> None:
     params(capsys, "profile", "save", "windy")
     params(capsys, "set", "pid.kp=0.05")
     code, _, err = params(capsys, "profile", "save", "windy")
@@ -180,13 +180,13 @@ def test_a_profile_is_replaced_by_force_alone(board: NativeBoard, capsys: Captur
 
 
 @pytest.mark.parametrize("name", ["../x", "a/b", ".hidden", "x" * 65, "a\nb"])
-def test_a_name_that_is_no_file_is_refused(board: NativeBoard, capsys: Capture, name: str) -> None:
+def test_a_name_that_is_no_file_is_refused(board: UartBoard, capsys: Capture, name: str) -> None:
     code, _, err = params(capsys, "profile", "save", name)
     assert code == 2 and "is no name of a profile" in err
     assert not places.config_folder().exists()
 
 
-def test_a_profile_needs_a_name(board: NativeBoard, capsys: Capture) -> None:
+def test_a_profile_needs_a_name(board: UartBoard, capsys: Capture) -> None:
     assert "say which profile" in params(capsys, "profile", "use")[2]
 
 
@@ -194,7 +194,7 @@ def test_a_profile_needs_a_name(board: NativeBoard, capsys: Capture) -> None:
 
 
 def test_diff_compares_two_of_board_tuning_defaults_file_and_profile(
-    board: NativeBoard, capsys: Capture, tmp_path: Path
+    board: UartBoard, capsys: Capture, tmp_path: Path
 ) -> None:
     params(capsys, "tuning", "quad")
     assert params(capsys, "diff") == (0, "from the tuning 'trapezium' of quad to the board: nothing differs\n", "")
@@ -211,7 +211,7 @@ def test_diff_compares_two_of_board_tuning_defaults_file_and_profile(
 
 
 @pytest.mark.parametrize("side", ["nowhere.toml", "profile:none", "profile:", "."])
-def test_a_side_that_is_not_there_is_a_sentence(board: NativeBoard, capsys: Capture, side: str) -> None:
+def test_a_side_that_is_not_there_is_a_sentence(board: UartBoard, capsys: Capture, side: str) -> None:
     code, out, err = params(capsys, "diff", side)
     assert code == 2 and out == "" and len(err.splitlines()) == 1
 
@@ -219,7 +219,7 @@ def test_a_side_that_is_not_there_is_a_sentence(board: NativeBoard, capsys: Capt
 # ---- edit ----
 
 
-def test_what_was_edited_is_committed_and_nothing_else(board: NativeBoard, capsys: Capture, editing: Path) -> None:
+def test_what_was_edited_is_committed_and_nothing_else(board: UartBoard, capsys: Capture, editing: Path) -> None:
     edits(editing, "text = text.replace('pid.kp = 0.045', 'pid.kp = 0.05').replace('\"atan2\"', '\"arcsine\"')")
     code, out, err = params(capsys, "edit")
     assert (code, err) == (0, "") and "2 changed" in out
@@ -229,9 +229,7 @@ def test_what_was_edited_is_committed_and_nothing_else(board: NativeBoard, capsy
 
 
 @pytest.mark.parametrize("how", ["pass", "text = ''"])
-def test_a_text_that_was_not_edited_changes_nothing(
-    board: NativeBoard, capsys: Capture, editing: Path, how: str
-) -> None:
+def test_a_text_that_was_not_edited_changes_nothing(board: UartBoard, capsys: Capture, editing: Path, how: str) -> None:
     edits(editing, how)
     code, out, _ = params(capsys, "edit")
     assert code == 0 and "nothing was edited" in out and in_use(board) == DEFAULTS
@@ -253,7 +251,7 @@ def test_a_text_that_was_not_edited_changes_nothing(
         ("text += '\"\\\\u001b[2J\" = 1'", r"there is no parameter '\x1b[2J'"),
     ],
 )
-def test_a_text_that_is_refused_stays(board: NativeBoard, capsys: Capture, editing: Path, how: str, said: str) -> None:
+def test_a_text_that_is_refused_stays(board: UartBoard, capsys: Capture, editing: Path, how: str, said: str) -> None:
     edits(editing, how)
     code, out, err = params(capsys, "edit")
     assert code == 2 and out == "" and said in err and in_use(board) == DEFAULTS
@@ -262,7 +260,7 @@ def test_a_text_that_is_refused_stays(board: NativeBoard, capsys: Capture, editi
     edits(editing, "text = text")
 
 
-def test_a_text_is_loaded_like_a_file_of_integers(board: NativeBoard, capsys: Capture, tmp_path: Path) -> None:
+def test_a_text_is_loaded_like_a_file_of_integers(board: UartBoard, capsys: Capture, tmp_path: Path) -> None:
     (tmp_path / "some.toml").write_text("pid.kp = 0.05  # the others stay\n[esc]\nmax = 1900\n")
     code, out, err = params(capsys, "load", str(tmp_path / "some.toml"))
     assert (code, err) == (0, "") and "2 changed" in out
@@ -270,7 +268,7 @@ def test_a_text_is_loaded_like_a_file_of_integers(board: NativeBoard, capsys: Ca
 
 
 def test_an_editor_that_is_not_there_or_fails_changes_nothing(
-    board: NativeBoard, capsys: Capture, editing: Path, monkeypatch: pytest.MonkeyPatch
+    board: UartBoard, capsys: Capture, editing: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     editing.write_text("raise SystemExit(3)", encoding="utf-8")
     code, _, err = params(capsys, "edit")
@@ -286,6 +284,6 @@ def test_an_editor_that_is_not_there_or_fails_changes_nothing(
     assert in_use(board) == DEFAULTS
 
 
-def test_a_list_of_profiles_takes_no_name(board: NativeBoard, capsys: Capture) -> None:
+def test_a_list_of_profiles_takes_no_name(board: UartBoard, capsys: Capture) -> None:
     code, out, err = params(capsys, "profile", "list", "windy")
     assert (code, out) == (2, "") and "takes no name" in err

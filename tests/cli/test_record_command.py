@@ -31,19 +31,19 @@ from plumb.spec.parameters import table
 from plumb.spec.protocol import protocol
 from plumb.writers.recorder import FrameLog, Recorder, RunMemory
 from support.declared_systems import of_declared
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 WAIT_S = 60.0
 """For what comes within a second, on a machine that may have other things to do."""
 
 
 @pytest.fixture
-def board() -> NativeBoard:
-    return NativeBoard()
+def board() -> UartBoard:
+    return UartBoard()
 
 
 @pytest.fixture
-def session(board: NativeBoard) -> Session:
+def session(board: UartBoard) -> Session:
     opened = Session(PlumbBus(board))
     opened.connect()
     return opened
@@ -61,7 +61,7 @@ def run_of(path: Path) -> log_replay.RecordedRun:
     return log_replay.runs_of(log_replay.open_log(path))[0]
 
 
-def recorded(board: NativeBoard, session: Session, path: Path, seconds: float = 0.5) -> None:
+def recorded(board: UartBoard, session: Session, path: Path, seconds: float = 0.5) -> None:
     recorder = Recorder(session, path, {})
     board.sensors((1700, 2100, 2900, 0, 0, 0))
     session.listener = recorder.feed
@@ -75,7 +75,7 @@ def recorded(board: NativeBoard, session: Session, path: Path, seconds: float = 
 
 
 def test_a_recording_has_every_frame_and_a_row_with_time_for_every_step(
-    board: NativeBoard, session: Session, tmp_path: Path
+    board: UartBoard, session: Session, tmp_path: Path
 ) -> None:
     path = tmp_path / "run.plog"
     recorded(board, session, path)
@@ -106,7 +106,12 @@ def test_a_recording_has_every_frame_and_a_row_with_time_for_every_step(
     ),
 )
 def test_every_system_s_values_have_columns_of_their_own(
-    board: NativeBoard, session: Session, tmp_path: Path, system: str, frames: tuple[str, ...], columns: tuple[str, ...]
+    board: UartBoard,
+    session: Session,
+    tmp_path: Path,
+    system: str,
+    frames: tuple[str, ...],
+    columns: tuple[str, ...],
 ) -> None:
     module, path = systems.load(system), tmp_path / "run.plog"
     session.upload(quantise(module.TUNINGS[module.DEFAULT_TUNING]).words(), period_us=10_000)
@@ -127,9 +132,7 @@ def test_every_system_s_values_have_columns_of_their_own(
     assert len(set(head)) == len(head)
 
 
-def test_a_recording_tells_the_parameters_it_was_made_with(
-    board: NativeBoard, session: Session, tmp_path: Path
-) -> None:
+def test_a_recording_tells_the_parameters_it_was_made_with(board: UartBoard, session: Session, tmp_path: Path) -> None:
     path = tmp_path / "run.plog"
     recorded(board, session, path)
     log = log_replay.open_log(path)
@@ -139,7 +142,7 @@ def test_a_recording_tells_the_parameters_it_was_made_with(
     assert log.dbc == dbc.text()
 
 
-def test_a_lost_step_is_a_row_without_digest(board: NativeBoard, session: Session, tmp_path: Path) -> None:
+def test_a_lost_step_is_a_row_without_digest(board: UartBoard, session: Session, tmp_path: Path) -> None:
     step = f"t{session.protocol['STEP'].identifier:03X}".encode()
     seen = []
 
@@ -159,7 +162,7 @@ def test_a_lost_step_is_a_row_without_digest(board: NativeBoard, session: Sessio
 
 
 def test_a_recording_is_a_page_that_says_where_it_is_and_what_made_it(
-    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recordable: UartBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "today"
     command = ["record", "--board", "memory", "--run", "live", "--out", str(out), "--seconds", "0.5"]
@@ -177,7 +180,7 @@ def test_a_recording_is_a_page_that_says_where_it_is_and_what_made_it(
 
 
 def test_a_recording_without_a_step_is_a_log_without_a_page(
-    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recordable: UartBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = ["--out", str(tmp_path / "run.plog"), "--json"]
     assert front.main(["record", "--board", "memory", "--seconds", "0.1", *out]) == 0
@@ -188,7 +191,7 @@ def test_a_recording_without_a_step_is_a_log_without_a_page(
 
 
 def test_a_log_is_never_overwritten_unless_it_is_asked_for(
-    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recordable: UartBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("run.plog", "run.html", "run.csv"):
         (tmp_path / name).write_text("of value")
@@ -207,7 +210,7 @@ needs_full_disk = pytest.mark.skipif(not FULL.is_char_device(), reason="this sys
 
 
 @pytest.fixture
-def recordable(board: NativeBoard, monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
+def recordable(board: UartBoard, monkeypatch: pytest.MonkeyPatch) -> UartBoard:
     """The board behind `plumb record --board memory`."""
     board.sensors((1700, 2100, 2900, 0, 0, 0))
 
@@ -223,7 +226,7 @@ def record(out: Path, *arguments: str) -> int:
 
 
 def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
-    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recordable: UartBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     off_us = recordable.time_us + 1_000_000
     recordable.spoil_up = lambda data: data if recordable.time_us < off_us else b""
@@ -236,7 +239,7 @@ def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
 
 
 def test_a_board_without_a_run_says_what_would_begin_one(
-    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recordable: UartBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for more, says in (([], True), (["--run", "live"], False)):
         out = ["--out", str(tmp_path / f"run{says}")]
@@ -252,9 +255,7 @@ def test_raw_counts_come_first_so_that_every_recording_can_be_replayed() -> None
 
 
 @needs_full_disk
-def test_a_full_disk_is_one_sentence(
-    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_full_disk_is_one_sentence(recordable: UartBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "run.plog").symlink_to(FULL)
     assert record(tmp_path / "run", "--seconds", "30", "--force") == 2
     error = capsys.readouterr().err
@@ -264,7 +265,7 @@ def test_a_full_disk_is_one_sentence(
 
 
 def test_a_file_in_the_way_is_one_sentence(
-    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recordable: UartBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "run.plog").mkdir()
     assert record(tmp_path / "run", "--force") == 2
@@ -272,7 +273,7 @@ def test_a_file_in_the_way_is_one_sentence(
 
 
 def test_what_is_recorded_is_on_the_disk_within_a_quarter_of_a_second(
-    board: NativeBoard, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: UartBoard, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a recorder that is killed leaves it."""
     monkeypatch.setattr("plumb.writers.log_writer.FLUSH_EVERY_S", 0.0)
@@ -357,9 +358,7 @@ def test_a_good_link_passes_the_link_test(session: Session) -> None:
     assert result["wrong_digests"] == result["host_lost"] == result["board_lost"] == 0
 
 
-def test_a_link_that_loses_one_frame_fails_it_though_every_digest_is_right(
-    board: NativeBoard, session: Session
-) -> None:
+def test_a_link_that_loses_one_frame_fails_it_though_every_digest_is_right(board: UartBoard, session: Session) -> None:
     sample = f"t{session.protocol['SAMPLE_A'].identifier:03X}".encode()
     spoilt: list[int] = []
 
@@ -392,7 +391,7 @@ def test_on_the_virtual_board_a_systems_plant_is_on_the_pins(tmp_path: Path) -> 
 
 
 def test_what_is_remembered_of_a_run_is_all_of_it_or_nothing(
-    board: NativeBoard, session: Session, monkeypatch: pytest.MonkeyPatch
+    board: UartBoard, session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     memory, step = RunMemory(), session.protocol["STEP"].identifier
     session.listener = lambda frames: memory.feed(frames, 0.0)

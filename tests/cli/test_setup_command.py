@@ -24,7 +24,7 @@ from plumb.link.identity import Identity
 from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
 from support.declared_systems import without_part
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 
 @pytest.fixture(autouse=True)
@@ -67,15 +67,15 @@ def test_an_answer_that_is_missing_names_its_question(tmp_path: Path, capsys: py
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> Iterator[NativeBoard]:
+def board(monkeypatch: pytest.MonkeyPatch) -> Iterator[UartBoard]:
     """A board in memory, behind the name serial:memory."""
-    memory = NativeBoard()
+    memory = UartBoard()
     memory.run_us(50_000)
     monkeypatch.setattr("plumb.boards.open_link_board", lambda spec: LinkBoard(spec, Session.open(memory)))
     yield memory
 
 
-def test_the_shipped_parameters_are_set_when_that_is_wanted_and_remembered(board: NativeBoard, tmp_path: Path) -> None:
+def test_the_shipped_parameters_are_set_when_that_is_wanted_and_remembered(board: UartBoard, tmp_path: Path) -> None:
     arguments = argparse.Namespace(system=None, image=None, seed=1)
     for tuning in (False, True):
         asked = Answers(answers(tmp_path, system="balancer", tuning=tuning))
@@ -90,7 +90,7 @@ def test_the_shipped_parameters_are_set_when_that_is_wanted_and_remembered(board
 
 @pytest.mark.parametrize(("sensors", "accel_bus"), [("mpu6050", 2), ("adxl345_itg3205", 0)])
 def test_the_sensors_that_are_wired_choose_the_tuning(
-    board: NativeBoard, tmp_path: Path, sensors: str, accel_bus: int
+    board: UartBoard, tmp_path: Path, sensors: str, accel_bus: int
 ) -> None:
     arguments = argparse.Namespace(system="attitude", image=None, seed=1)
     asked = Answers(answers(tmp_path, tuning=True, sensors=sensors))
@@ -103,7 +103,7 @@ def test_the_sensors_that_are_wired_choose_the_tuning(
 
 
 def test_an_image_without_a_system_that_has_poses_is_named(
-    board: NativeBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: UartBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unasked = argparse.Namespace(system=None, image=None, seed=1)
     name = without_part("poses")
@@ -112,7 +112,7 @@ def test_an_image_without_a_system_that_has_poses_is_named(
         setup.open_board("serial:memory", unasked, Answers(answers(tmp_path)))
 
 
-def test_a_sensor_that_is_missing_ends_it(board: NativeBoard, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sensor_that_is_missing_ends_it(board: UartBoard, monkeypatch: pytest.MonkeyPatch) -> None:
     with Session.open(board) as session:
         setup.look_at_sensors(session)
         monkeypatch.setattr("plumb.calibration.axis_calibration.sensors_text", lambda said: ["gyro: does not answer"])

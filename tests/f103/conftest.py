@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from support.f103_program import Board
+from support.f103_program import RunningProgram
 from support.flash_image import image_path
 
 HERE = Path(__file__).parent
@@ -51,5 +51,5 @@ def image() -> Path:
 
 
 @pytest.fixture
-def board(build: Callable[[str], Path]) -> Callable[..., Board]:
-    return lambda name, **options: Board(build(name), **options)
+def board(build: Callable[[str], Path]) -> Callable[..., RunningProgram]:
+    return lambda name, **options: RunningProgram(build(name), **options)

@@ -13,7 +13,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS, MOE, Edge
 from plumb.physics.motor import FORWARD, share_of_supply
-from support.f103_program import Board
+from support.f103_program import RunningProgram
 
 ARM, DUTY, OFF, CLEAR, RAPID = 1, 2, 3, 4, 5
 FAULT_BRIDGE, FAULT_HALL = 0x10, 0x20
@@ -22,7 +22,7 @@ NO_BREAK = True
 START_US = 5000
 
 
-class Driver(Board):
+class Driver(RunningProgram):
     """The program bridge.c: rotor in state 5, bridge fed, driver happy; every edge is traced from power-up on."""
 
     def __init__(self, elf: Path, dead_time_ns: int = 1000, **options: object) -> None:

@@ -14,13 +14,13 @@ import pytest
 
 from plumb.extras import install_hint
 from plumb.process_signals import Terminated, raise_at_once, raised
-from support.f103_program import Board, NewBoard
+from support.f103_program import NewBoard, RunningProgram
 
 FAULT_HARD, FAULT_BUS, FAULT_USAGE = 3, 5, 6
 RESET_POWER, RESET_SOFTWARE, RESET_WATCHDOG, RESET_PIN = 1 << 27, 1 << 28, 1 << 29, 1 << 26
 
 
-def letters(board: Board) -> str:
+def letters(board: RunningProgram) -> str:
     return bytes(board.machine.cpu.ram[:40]).split(b"\0")[0].decode()
 
 

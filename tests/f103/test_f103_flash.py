@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from plumb.f103 import Machine
-from support.f103_program import Board, NewBoard
+from support.f103_program import NewBoard, RunningProgram
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 SLOTS = 0xF000
@@ -22,7 +22,7 @@ CYCLES_PER_US = 8
 
 def carried_out(
     board: NewBoard, *steps: tuple[int, int], part: str = "stm32f103c8", before: Callable[[Machine], None] | None = None
-) -> Board:
+) -> RunningProgram:
     """The small program after these steps. before(machine): what to do to it first."""
     b = board("flash", part=part)
     b.machine.cpu.flash[SLOTS : SLOTS + 0x1000] = b"\xff" * 0x1000

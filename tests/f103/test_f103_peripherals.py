@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from plumb.f103 import Machine
-from support.f103_program import Board, NewBoard
+from support.f103_program import NewBoard, RunningProgram
 
 BYTE_US = 10 * 78 / 72  # at the divider that uart.c sets
 
@@ -25,7 +25,7 @@ def echo(machine: Machine, data: bytes) -> bytes:
     return out
 
 
-def started(board: NewBoard, **options: Any) -> Board:
+def started(board: NewBoard, **options: Any) -> RunningProgram:
     b = board("uart", **options)
     b.machine.advance_us(5000)
     assert b.result(0) == 1

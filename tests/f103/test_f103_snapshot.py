@@ -44,7 +44,7 @@ def board(request: pytest.FixtureRequest, image: bytes) -> Iterator[VirtualBoard
     with VirtualBoard(link=link) as board:
         params = quantise(system.TUNINGS[joined.TUNING])
         session = plant_on_pins.configure_as(board, params, period_us=run.period_us, arm_hold_ms=0, **system.LINK)
-        joined.Coupling(board.machine, system.plant(run))
+        joined.couple(board.machine, system.plant(run))
         board.machine.tim1.trace = []
         board.machine.advance_us(plant_on_pins.FOUND_US)
         session.begin("REALTIME_LIVE", frames=joined.FRAMES)

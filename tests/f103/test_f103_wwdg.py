@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
-from support.f103_program import Board
+from support.f103_program import RunningProgram
 
 CR, CFR, SR = 0x40002C00, 0x40002C04, 0x40002C08
 WDGA, EWI, EWIF = 0x80, 0x200, 1
@@ -16,8 +16,8 @@ BOOTS, FLAGS, WARNINGS, COUNT, FEEDS, FAST = 1, 2, 3, 4, 5, 6
 
 
 @pytest.fixture
-def watched(board: Callable[..., Board]) -> Callable[..., Board]:
-    def start(fast: bool = False, feeds: bool = False) -> Board:
+def watched(board: Callable[..., RunningProgram]) -> Callable[..., RunningProgram]:
+    def start(fast: bool = False, feeds: bool = False) -> RunningProgram:
         b = board("wwdg")
         b.ask(FAST, int(fast))
         b.ask(FEEDS, int(feeds))
@@ -28,7 +28,7 @@ def watched(board: Callable[..., Board]) -> Callable[..., Board]:
     return start
 
 
-def reset_after_us(b: Board, limit_us: float = 400_000) -> float:
+def reset_after_us(b: RunningProgram, limit_us: float = 400_000) -> float:
     begin_us = b.machine.now_us
     assert b.machine.run_until(lambda: b.machine.reset_count == 2, limit_us)
     return b.machine.now_us - begin_us
@@ -39,7 +39,7 @@ def reset_after_us(b: Board, limit_us: float = 400_000) -> float:
     [(False, 8, 0, 0x7F), (False, 8, 1, 0x50), (True, 36, 3, 0x7F), (True, 36, 3, 0x40), (True, 36, 2, 0x63)],
 )
 def test_it_resets_when_the_count_leaves_0x40(
-    watched: Callable[..., Board], fast: bool, pclk1_mhz: int, exponent: int, count: int
+    watched: Callable[..., RunningProgram], fast: bool, pclk1_mhz: int, exponent: int, count: int
 ) -> None:
     b = watched(fast)
     step_us = 4096 * 2**exponent / pclk1_mhz
@@ -52,7 +52,7 @@ def test_it_resets_when_the_count_leaves_0x40(
     assert not b.machine.bus.read(CR, 4) & WDGA
 
 
-def test_feeding_in_time_keeps_it_off(watched: Callable[..., Board]) -> None:
+def test_feeding_in_time_keeps_it_off(watched: Callable[..., RunningProgram]) -> None:
     b = watched(fast=True)
     b.machine.bus.write(CFR, 4, 3 << 7 | 0x7F)
     for _ in range(10):
@@ -62,7 +62,7 @@ def test_feeding_in_time_keeps_it_off(watched: Callable[..., Board]) -> None:
     reset_after_us(b, 2000)
 
 
-def test_feeding_above_the_window_resets(watched: Callable[..., Board]) -> None:
+def test_feeding_above_the_window_resets(watched: Callable[..., RunningProgram]) -> None:
     b = watched()
     b.machine.bus.write(CFR, 4, 0x60)
     b.machine.bus.write(CR, 4, WDGA | 0x7F)  # switching on is not feeding
@@ -75,7 +75,7 @@ def test_feeding_above_the_window_resets(watched: Callable[..., Board]) -> None:
     assert reset_after_us(b, 100) < 10
 
 
-def test_a_count_without_bit_6_resets_at_once(watched: Callable[..., Board]) -> None:
+def test_a_count_without_bit_6_resets_at_once(watched: Callable[..., RunningProgram]) -> None:
     b = watched()
     b.machine.bus.write(CR, 4, 0x3F)
     b.machine.advance_us(1000)
@@ -84,7 +84,7 @@ def test_a_count_without_bit_6_resets_at_once(watched: Callable[..., Board]) -> 
     assert reset_after_us(b, 100) < 10
 
 
-def test_only_a_reset_switches_it_off(watched: Callable[..., Board]) -> None:
+def test_only_a_reset_switches_it_off(watched: Callable[..., RunningProgram]) -> None:
     b = watched()
     b.machine.bus.write(CR, 4, WDGA | 0x7F)
     b.machine.bus.write(CR, 4, 0x7F)
@@ -92,7 +92,7 @@ def test_only_a_reset_switches_it_off(watched: Callable[..., Board]) -> None:
     reset_after_us(b)
 
 
-def test_the_count_runs_freely_before_it_is_enabled(watched: Callable[..., Board]) -> None:
+def test_the_count_runs_freely_before_it_is_enabled(watched: Callable[..., RunningProgram]) -> None:
     b = watched()
     b.machine.bus.write(CR, 4, 0x7F)
     b.machine.advance_us(512 * 150)
@@ -100,7 +100,7 @@ def test_the_count_runs_freely_before_it_is_enabled(watched: Callable[..., Board
     assert b.machine.bus.read(SR, 4) == EWIF and b.machine.reset_count == 1
 
 
-def test_the_early_warning_comes_at_0x40_and_may_feed(watched: Callable[..., Board]) -> None:
+def test_the_early_warning_comes_at_0x40_and_may_feed(watched: Callable[..., RunningProgram]) -> None:
     b = watched(feeds=True)
     b.machine.bus.write(CFR, 4, EWI | 0x7F)
     b.machine.bus.write(CR, 4, WDGA | 0x7F)
@@ -111,7 +111,7 @@ def test_the_early_warning_comes_at_0x40_and_may_feed(watched: Callable[..., Boa
     assert b.machine.reset_count == 2
 
 
-def test_it_counts_in_sleep_and_through_an_erase_and_with_a_new_clock(watched: Callable[..., Board]) -> None:
+def test_it_counts_in_sleep_and_through_an_erase_and_with_a_new_clock(watched: Callable[..., RunningProgram]) -> None:
     """The same 64 steps, half of them at 8 MHz, half at 36 MHz."""
     b = watched()
     b.machine.bus.write(CFR, 4, 3 << 7 | 0x7F)
@@ -129,7 +129,7 @@ def test_it_counts_in_sleep_and_through_an_erase_and_with_a_new_clock(watched: C
     assert 30 * fast_us < reset_after_us(b) <= 33 * fast_us
 
 
-def test_without_its_clock_it_stands_still_and_that_is_told(watched: Callable[..., Board]) -> None:
+def test_without_its_clock_it_stands_still_and_that_is_told(watched: Callable[..., RunningProgram]) -> None:
     b = watched()
     b.machine.bus.write(CR, 4, WDGA | 0x7F)
     b.machine.rcc.write_apb1enr(0)

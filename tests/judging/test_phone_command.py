@@ -16,7 +16,7 @@ import pytest
 from plumb import __main__ as front
 from plumb import boards
 from plumb.boards import open_board, qemu
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.judging.phone.inputs import live_run, udp
 from support.phone_datagrams import run_of, sensagram, sensorstream
 from support.phone_feed import Sender, Wrong
@@ -63,7 +63,7 @@ def sending(monkeypatch: pytest.MonkeyPatch) -> Iterator[Sending]:
 
 
 @pytest.fixture
-def native() -> Iterator[Board]:
+def native() -> Iterator[StepBoard]:
     with open_board("native") as board:
         yield board
 
@@ -71,7 +71,7 @@ def native() -> Iterator[Board]:
 @pytest.mark.parametrize("dies", [True, False])
 def test_what_was_done_before_a_board_failed_is_reported(
     dies: bool,
-    native: Board,
+    native: StepBoard,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

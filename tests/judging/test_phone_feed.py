@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from plumb.boards import open_board
-from plumb.boards.contract import Board, RawCounts, StepOutput, Stepper
+from plumb.boards.contract import RawCounts, StepBoard, StepOutput, Stepper
 from plumb.contract.parameters import ControlParams
 from plumb.errors import LinkError, UsageError
 from plumb.judging.phone.inputs import live_run, udp
@@ -25,13 +25,13 @@ from support.phone_feed import Sender, Wrong
 
 
 @pytest.fixture
-def native() -> Iterator[Board]:
+def native() -> Iterator[StepBoard]:
     with open_board("native") as board:
         yield board
 
 
 def fed(
-    board: Board, datagrams: list[bytes], seconds: float | None = SECONDS - 0.5
+    board: StepBoard, datagrams: list[bytes], seconds: float | None = SECONDS - 0.5
 ) -> tuple[Any, udp.Intake, list[Any]]:
     """The datagrams over a real socket to a board: outcome, counts, and what was seen of every step."""
     intake, seen = udp.Intake(phone.PERIOD_US), []
@@ -58,7 +58,7 @@ def worst_deg(seen: list[Any], run: phone.Scenario, late_s: float) -> float:
 
 @pytest.mark.parametrize(("app", "form"), [("SensaGram", sensagram), ("Sensorstream", sensorstream)])
 def test_a_phone_over_loopback_is_followed_and_every_step_agrees(
-    native: Board, app: str, form: Callable[[phone.Scenario], list[bytes]]
+    native: StepBoard, app: str, form: Callable[[phone.Scenario], list[bytes]]
 ) -> None:
     run = run_of()
     outcome, intake, seen = fed(native, form(run))
@@ -68,7 +68,7 @@ def test_a_phone_over_loopback_is_followed_and_every_step_agrees(
     assert worst_deg(seen, run, late_s=0.008 if app == "SensaGram" else 0.005) < 2.0
 
 
-def test_trouble_on_the_way_is_counted_and_changes_little(native: Board) -> None:
+def test_trouble_on_the_way_is_counted_and_changes_little(native: StepBoard) -> None:
     """One in ten lost, one in ten doubled, neighbours exchanged, some a second late, garbage in between."""
     run, rng = run_of(), np.random.default_rng(3)
     ordered = sensagram(run)
@@ -125,7 +125,7 @@ def test_a_disk_that_is_full_is_said() -> None:
         saved.write(b"1.0, 3, 1,2,3")
 
 
-def test_an_app_started_again_begins_a_new_run_on_the_board(native: Board) -> None:
+def test_an_app_started_again_begins_a_new_run_on_the_board(native: StepBoard) -> None:
     """Its clock goes on, after a pause; filters and step number begin anew, and the model with them."""
     run = run_of()
     both = sensagram(run, begin_s=100.0)[:800] + sensagram(run, begin_s=300.0)[:800]
@@ -135,7 +135,7 @@ def test_an_app_started_again_begins_a_new_run_on_the_board(native: Board) -> No
     assert numbers[0] == 1 and numbers.count(1) == 2
 
 
-def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
+def test_a_board_that_goes_wrong_is_found_with_the_word(native: StepBoard) -> None:
     outcome, _, _ = fed(Wrong(native), sensagram(run_of())[:900], seconds=4.0)
     assert outcome.verdict == "fail" and outcome.mismatches >= 1
     assert outcome.divergence is not None
@@ -156,7 +156,7 @@ def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
         (sensagram(run_of())[::2][:50], "SensaGram sent no accelerometer; switch it on"),
     ],
 )
-def test_without_a_step_the_reason_is_one_sentence(native: Board, datagrams: list[bytes], sentence: str) -> None:
+def test_without_a_step_the_reason_is_one_sentence(native: StepBoard, datagrams: list[bytes], sentence: str) -> None:
     intake = udp.Intake(phone.PERIOD_US)
     with udp.Listener(0) as listener:
         follower = live_run.Follower(native, live_run.params_of("euler", phone.PERIOD_US))
@@ -172,7 +172,7 @@ def test_without_a_step_the_reason_is_one_sentence(native: Board, datagrams: lis
     [(lambda _: False, "the phone stopped sending"), (lambda data: b"accel" in data, "the phone's gyroscope stopped")],
 )
 def test_a_phone_that_falls_silent_ends_the_run_and_is_named(
-    native: Board, stops: Callable[[bytes], bool], sentence: str, monkeypatch: pytest.MonkeyPatch
+    native: StepBoard, stops: Callable[[bytes], bool], sentence: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_run, "SILENCE_S", 0.5)
     events = sensagram(run_of())
@@ -187,7 +187,7 @@ def test_a_phone_that_falls_silent_ends_the_run_and_is_named(
     assert follower.outcome.steps == pytest.approx(298, abs=4)
 
 
-def test_what_has_come_meanwhile_goes_to_the_board_together(native: Board) -> None:
+def test_what_has_come_meanwhile_goes_to_the_board_together(native: StepBoard) -> None:
     """An adapter that holds every answer back for 16 ms must not make the phone's 100 samples a second wait in line."""
     turns: list[int] = []
 
@@ -238,7 +238,7 @@ class BusyListener:
 
 
 def test_a_host_that_was_busy_does_not_take_the_phone_for_silent(
-    native: Board, monkeypatch: pytest.MonkeyPatch
+    native: StepBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nine seconds before each of two datagrams, one of which completes no step: the host was away, not the phone."""
     events = sensagram(run_of())[:600]

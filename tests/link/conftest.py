@@ -7,7 +7,7 @@ from typing import cast
 import pytest
 
 from plumb.errors import UsageError
-from support.native_board import NativeBoard, NewBoard
+from support.native_board import NewBoard, UartBoard
 from support.port_only import NATIVE_ONLY
 
 
@@ -33,13 +33,13 @@ def _names(item: pytest.Item) -> set[str]:
 @pytest.fixture(params=["native", "flash"])
 def new_board(request: pytest.FixtureRequest) -> NewBoard:
     if request.param == "native":
-        return NativeBoard
+        return UartBoard
     pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
     from support.flash_board import FlashBoard
 
-    def made() -> NativeBoard:
+    def made() -> UartBoard:
         try:
-            return cast(NativeBoard, FlashBoard())
+            return cast(UartBoard, FlashBoard())
         except UsageError as missing:
             pytest.skip(str(missing))
 

@@ -8,7 +8,7 @@ from plumb.errors import LinkError
 from plumb.link.identity import BLOCKED
 from plumb.link.session import Session
 from plumb.spec import parameters
-from support.native_board import NativeBoard, NewBoard
+from support.native_board import NewBoard, UartBoard
 from support.sessions import CONTROL, armed_session
 from support.transcripts import frame
 
@@ -26,7 +26,7 @@ FAULT = 1
 """A board fault that blocks."""
 
 
-def ready_board(new_board: NewBoard) -> NativeBoard:
+def ready_board(new_board: NewBoard) -> UartBoard:
     """Powered for a while with its switch open; nobody on the link."""
     board = new_board()
     board.switch(False)
@@ -34,7 +34,7 @@ def ready_board(new_board: NewBoard) -> NativeBoard:
     return board
 
 
-def armed_board(new_board: NewBoard) -> NativeBoard:
+def armed_board(new_board: NewBoard) -> UartBoard:
     board = ready_board(new_board)
     board.switch(True)
     board.run_us(DEBOUNCE_US + 2 * LOOK_US + READY_US)

@@ -13,7 +13,7 @@ from plumb.errors import LinkError
 from plumb.link import parameter_table
 from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.noise import with_noise
 
 SYSTEM = systems.load("quadrotor")
@@ -29,7 +29,7 @@ class Stand:
     """A board with a quadrotor's parameters and pins, and what its sensors feel."""
 
     def __init__(self) -> None:
-        self.board, self.feels, self._number = NativeBoard(), LEVEL, 0
+        self.board, self.feels, self._number = UartBoard(), LEVEL, 0
         self.board.wires.strap = PINS_QUADROTOR
         self.board.sensors(LEVEL)
         with Session.open(self.board) as session:
@@ -153,7 +153,7 @@ def test_the_speed_controllers_of_the_factory_table_are_refused(stand: Stand, wo
 
 
 def test_on_other_pins_it_is_never_armed() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     with Session.open(board) as session:
         session.upload(PARAMS.words(), **PARAMS.link_words(), pins=0)
         session.begin("REALTIME_LIVE")

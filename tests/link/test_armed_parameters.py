@@ -21,7 +21,7 @@ from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame
 from plumb.systems import shipped_tunings
 from plumb.tuning import quantities
-from support.native_board import NativeBoard, NewBoard
+from support.native_board import NewBoard, UartBoard
 from support.sessions import STEER
 
 ROWS = parameters.table()
@@ -34,7 +34,7 @@ SETTLED = 40
 class ArmedRun:
     """An armed run in real time with a setpoint, whose every step and every change of parameters is recorded."""
 
-    def __init__(self, board: NativeBoard, link: str = "serial", period_us: int = 2500) -> None:
+    def __init__(self, board: UartBoard, link: str = "serial", period_us: int = 2500) -> None:
         self.board = board
         self.session = Session.over(board.can_bus()) if link == "can" else Session(PlumbBus(board))
         self.session.connect()
@@ -197,7 +197,7 @@ def test_only_the_owner_changes_an_armed_run(new_board: NewBoard) -> None:
 
 
 def test_a_run_of_the_arm_switch_keeps_its_gains() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     session = Session.open(board)
     words = session.read_parameters()
     board.run_us(100_000)
@@ -212,7 +212,7 @@ def test_a_run_of_the_arm_switch_keeps_its_gains() -> None:
 
 
 def test_zero_stays_zero_and_the_last_bit_of_twice_and_half_counts() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     run = ArmedRun(board)
     run.session.disarm()
     edge = {**run.table, "pid.kp_q22": -1000001, "pid.ki_dt_q22": 0, "pid.kd_q27": 4}
@@ -264,7 +264,7 @@ def quantity(table: dict[str, int], kp: int) -> str:
 
 def test_a_thousand_random_commits_leave_no_range_and_no_doubt() -> None:
     rng = random.Random(13)
-    run = ArmedRun(NativeBoard(), period_us=1000)
+    run = ArmedRun(UartBoard(), period_us=1000)
     taken, refused, at_arming = 0, 0, dict(run.table)
     for _ in range(1000):
         table = dict(run.table)

@@ -14,7 +14,7 @@ from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
-from support.native_board import AT_REST, BAUD_921600_NS, NativeBoard, NewBoard
+from support.native_board import AT_REST, BAUD_921600_NS, NewBoard, UartBoard
 from support.noise import with_noise
 from support.sessions import CONTROL, armed_session, listen
 from support.transcripts import frame, said
@@ -81,7 +81,7 @@ def test_pumping_keeps_it_alive_and_loses_nothing(new_board: NewBoard) -> None:
     session.close()
 
 
-def next_value(board: NativeBoard) -> tuple[int, int]:
+def next_value(board: UartBoard) -> tuple[int, int]:
     """The next value that it issues, after the number of its arming; 0 for a value: none came."""
     board.heard()
     for _ in range(110):
@@ -157,44 +157,44 @@ def test_keep_alive_values_come_every_10_ms_only_while_armed(new_board: NewBoard
     session.close()
 
 
-def disarm_by_close(board: NativeBoard, session: Session) -> None:
+def disarm_by_close(board: UartBoard, session: Session) -> None:
     board.say(b"C\r")
 
 
-def disarm_by_close_and_open(board: NativeBoard, session: Session) -> None:
+def disarm_by_close_and_open(board: UartBoard, session: Session) -> None:
     board.say(b"C\rO\r")  # both before the loop comes round
 
 
-def disarm_by_read_only(board: NativeBoard, session: Session) -> None:
+def disarm_by_read_only(board: UartBoard, session: Session) -> None:
     board.say(b"L\r")
 
 
-def disarm_by_read_only_and_open(board: NativeBoard, session: Session) -> None:
+def disarm_by_read_only_and_open(board: UartBoard, session: Session) -> None:
     board.say(b"L\rO\r")
 
 
-def disarm_by_command(board: NativeBoard, session: Session) -> None:
+def disarm_by_command(board: UartBoard, session: Session) -> None:
     session.disarm()
 
 
-def disarm_by_run_end(board: NativeBoard, session: Session) -> None:
+def disarm_by_run_end(board: UartBoard, session: Session) -> None:
     session.end()
 
 
-def disarm_by_new_run(board: NativeBoard, session: Session) -> None:
+def disarm_by_new_run(board: UartBoard, session: Session) -> None:
     session.begin("REALTIME_LIVE")
 
 
-def disarm_by_fault(board: NativeBoard, session: Session) -> None:
+def disarm_by_fault(board: UartBoard, session: Session) -> None:
     board.sensors(faults=1)
     board.turn()
 
 
-def disarm_by_other_version(board: NativeBoard, session: Session) -> None:
+def disarm_by_other_version(board: UartBoard, session: Session) -> None:
     board.say(frame("HELLO", 99, 0))
 
 
-def disarm_by_other_version_and_back(board: NativeBoard, session: Session) -> None:
+def disarm_by_other_version_and_back(board: UartBoard, session: Session) -> None:
     board.say(frame("HELLO", 99, 0) + frame("HELLO", session.protocol.version, session.protocol.dbc_hash))
 
 
@@ -283,7 +283,7 @@ def test_an_injected_run_is_armed_by_fresh_samples_only(new_board: NewBoard) -> 
 
 def test_a_board_that_is_not_ready_is_asked_every_20_ms(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each attempt takes two requests of the link."""
-    session = Session.open(NativeBoard())
+    session = Session.open(UartBoard())
     session.upload(CONTROL, period_us=1000)
     session.begin("REALTIME_LIVE")
     asked_s: list[float] = []

@@ -8,7 +8,7 @@ from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec.protocol import Frame, protocol
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 STEPS = 100
 
@@ -26,7 +26,7 @@ def frames_of(step: int) -> list[Frame]:
 
 @pytest.mark.parametrize("lost", ["RAW_A", "RAW_B", "STEP"])
 def test_a_step_that_lost_a_frame_is_unverified(lost: str) -> None:
-    with Session(PlumbBus(NativeBoard())) as session:
+    with Session(PlumbBus(UartBoard())) as session:
         capture = Capture(session)
         for step in range(STEPS):
             dropped = protocol()[lost].identifier if step == 70 else None

@@ -9,7 +9,7 @@ import pytest
 from plumb.errors import LinkError
 from plumb.link.sample_codec import sample_frames
 from plumb.link.session import Session
-from support.native_board import AT_REST, NativeBoard
+from support.native_board import AT_REST, UartBoard
 from support.noise import with_noise
 from support.sessions import CONTROL
 
@@ -30,7 +30,7 @@ class Source:
     """A board and the source of its samples. number: of the next one."""
 
     def __init__(self, period_us: int, **words: int) -> None:
-        self.board, self.period_us, self.number = NativeBoard(), period_us, 0
+        self.board, self.period_us, self.number = UartBoard(), period_us, 0
         self.session = Session.open(self.board)
         self.session.upload(CONTROL, period_us=period_us, arm_hold_ms=0, esc_period_us=FRAME_US, **words)
         self.session.begin("REALTIME_INJECTED")

@@ -16,7 +16,7 @@ from plumb.errors import LinkError, UsageError
 from plumb.link.json_stream import JsonStream, StepClock, parse_target
 from plumb.link.monitor import begin_live, watch
 from plumb.link.session import Session
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 RAW = (1690, 2300, 3000, 0, 0, 0)
 
@@ -39,8 +39,8 @@ def received(plotter: socket.socket) -> list[dict[str, Any]]:
             return found
 
 
-def board_of(raw: tuple[int, ...] = RAW) -> NativeBoard:
-    board = NativeBoard()
+def board_of(raw: tuple[int, ...] = RAW) -> UartBoard:
+    board = UartBoard()
     board.sensors(raw)
     return board
 

@@ -19,7 +19,7 @@ from plumb.link.transports.slcan import SlcanParser
 from plumb.spec import declarations
 from plumb.spec.protocol import protocol
 from plumb.systems.turntable import scenarios as turntable
-from support.native_board import BAUD_921600_NS, NativeBoard, NewBoard
+from support.native_board import BAUD_921600_NS, NewBoard, UartBoard
 from support.sessions import CONTROL, BadLine
 from support.transcripts import begin, frame, said
 
@@ -34,7 +34,7 @@ def input_of(steps: int, seed: int, channels: int = 3) -> tuple[np.ndarray, np.n
 
 def digests_of(raw: np.ndarray, setpoint: np.ndarray) -> np.ndarray:
     """On the native port, over a line without trouble."""
-    with Session.open(NativeBoard()) as session:
+    with Session.open(UartBoard()) as session:
         return Lockstep(session).run(raw, setpoint)
 
 
@@ -237,7 +237,7 @@ def test_selection_is_checked(new_board: NewBoard) -> None:
 # ---- real time ----
 
 
-def live(board: NativeBoard, run: str = "REALTIME_LIVE") -> tuple[Session, Capture]:
+def live(board: UartBoard, run: str = "REALTIME_LIVE") -> tuple[Session, Capture]:
     session = Session.open(board)
     session.upload(CONTROL, period_us=1000)
     capture = Capture(session, raw_frames=("RAW_A",))

@@ -12,7 +12,7 @@ from plumb.errors import LinkError
 from plumb.link.holding import Holding
 from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.sessions import CONTROL, STEER, listen
 from support.shared_can import Node, nodes_of
 
@@ -25,7 +25,7 @@ class Two:
     """Hosts `a` and `b` on the CAN bus of one board, at rest."""
 
     def __init__(self) -> None:
-        self.board = NativeBoard()
+        self.board = UartBoard()
         self.board.run_us(30_000)
         self.nodes = nodes_of(self.board.mcu, 2)
         self.a, self.b = (Session.over(node) for node in self.nodes)

@@ -10,17 +10,17 @@ from plumb.link.board_frames import PERIODIC
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
-from support.native_board import BAUD_921600_NS, NativeBoard, NewBoard
+from support.native_board import BAUD_921600_NS, NewBoard, UartBoard
 from support.transcripts import begin, frame, said
 
 
 @pytest.fixture
-def board(new_board: NewBoard) -> NativeBoard:
+def board(new_board: NewBoard) -> UartBoard:
     return new_board()
 
 
 @pytest.fixture
-def opened(new_board: NewBoard) -> NativeBoard:
+def opened(new_board: NewBoard) -> UartBoard:
     board = new_board()
     assert board.say(b"O\r") == b"\r"
     board.say(frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
@@ -55,18 +55,18 @@ def opened(new_board: NewBoard) -> NativeBoard:
         (b"\aC\r", b"\r"),
     ],
 )
-def test_slcan_commands(board: NativeBoard, command: bytes, answer: bytes) -> None:
+def test_slcan_commands(board: UartBoard, command: bytes, answer: bytes) -> None:
     assert board.say(command) == answer
 
 
-def test_frames_are_refused_while_closed_and_read_only(board: NativeBoard) -> None:
+def test_frames_are_refused_while_closed_and_read_only(board: UartBoard) -> None:
     hello = frame("HELLO", 1, 0)
     assert board.say(hello) == b"\a"
     assert board.say(b"L\r" + hello) == b"\r\a"
     assert board.say(b"O\r" + hello).startswith(b"\r\r" + b"t7FD8")
 
 
-def test_a_frame_is_answered_by_one_cr_or_bell(opened: NativeBoard) -> None:
+def test_a_frame_is_answered_by_one_cr_or_bell(opened: UartBoard) -> None:
     good = frame("KEEPALIVE", 0, 1)
     assert opened.say(good) == b"\r"
     assert opened.say(good.lower()) == b"\r"
@@ -77,7 +77,7 @@ def test_a_frame_is_answered_by_one_cr_or_bell(opened: NativeBoard) -> None:
     assert opened.say(b"t12320000\r") == b"\a"  # right text, wrong length
 
 
-def test_unknown_identifiers_are_let_by(opened: NativeBoard) -> None:
+def test_unknown_identifiers_are_let_by(opened: UartBoard) -> None:
     from plumb.spec.protocol import crc8
 
     data = bytes([crc8(0x3FF, bytes(8))]) + bytes(7)
@@ -87,7 +87,7 @@ def test_unknown_identifiers_are_let_by(opened: NativeBoard) -> None:
 # ---- connect ----
 
 
-def test_hello_is_answered_by_identity(board: NativeBoard) -> None:
+def test_hello_is_answered_by_identity(board: UartBoard) -> None:
     answer = board.say(b"O\r" + frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
     items = [(words["item"], words["value"]) for name, words in said(answer) if name == "IDENTITY"]
     names = protocol()["IDENTITY"].choices["item"]
@@ -104,7 +104,7 @@ def test_hello_is_answered_by_identity(board: NativeBoard) -> None:
 # ---- parameters ----
 
 
-def test_staged_parameters_have_no_effect_before_commit(opened: NativeBoard) -> None:
+def test_staged_parameters_have_no_effect_before_commit(opened: UartBoard) -> None:
     rows = parameters.table()
     index = next(i for i, row in enumerate(rows) if row.name == "esc.mid_halfus")
     words = [row.default for row in rows]
@@ -123,7 +123,7 @@ def test_staged_parameters_have_no_effect_before_commit(opened: NativeBoard) -> 
     assert said(opened.say(frame("PARAM_GET", index, 0)))[0][1]["value"] == 2222
 
 
-def test_hello_forgets_what_was_staged(opened: NativeBoard) -> None:
+def test_hello_forgets_what_was_staged(opened: UartBoard) -> None:
     words = [row.default for row in parameters.table()]
     opened.say(frame("PARAM_SET", 40, 5))
     opened.say(frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
@@ -131,7 +131,7 @@ def test_hello_forgets_what_was_staged(opened: NativeBoard) -> None:
 
 
 @pytest.mark.parametrize("index", range(len(parameters.table())))
-def test_limits_of_every_parameter(opened: NativeBoard, index: int) -> None:
+def test_limits_of_every_parameter(opened: UartBoard, index: int) -> None:
     row = parameters.table()[index]
     for value, fits in [(row.min, True), (row.max, True), (row.min - 1, False), (row.max + 1, False)]:
         if not -(1 << 31) <= value < 1 << 32 or (row.type == "int32") != (-(1 << 31) <= value < 1 << 31):
@@ -141,7 +141,7 @@ def test_limits_of_every_parameter(opened: NativeBoard, index: int) -> None:
         assert words.get("reason", 3) == 3
 
 
-def test_dump_and_wrong_index(opened: NativeBoard) -> None:
+def test_dump_and_wrong_index(opened: UartBoard) -> None:
     values = said(opened.say(frame("PARAM_GET", 0xFFFF, 0), turns=len(parameters.table())))
     assert [words["index"] for _, words in values] == list(range(len(parameters.table())))
     count = len(parameters.table())
@@ -150,7 +150,7 @@ def test_dump_and_wrong_index(opened: NativeBoard) -> None:
         assert (name, words["reason"], words["detail"]) == ("NACK", 2, count)
 
 
-def test_no_commit_during_a_run(opened: NativeBoard) -> None:
+def test_no_commit_during_a_run(opened: UartBoard) -> None:
     begin(opened, "LOCKSTEP")
     words = [row.default for row in parameters.table()]
     commit = frame("PARAM_COMMIT", len(words), parameters.crc32(words))
@@ -162,7 +162,7 @@ def test_no_commit_during_a_run(opened: NativeBoard) -> None:
 # ---- nonces ----
 
 
-def test_a_nonce_is_good_once_for_its_verb_and_for_a_second(opened: NativeBoard) -> None:
+def test_a_nonce_is_good_once_for_its_verb_and_for_a_second(opened: UartBoard) -> None:
     def ask(verb: int) -> int:
         return said(opened.say(frame("CHALLENGE", verb, 0)))[0][1]["nonce"]
 
@@ -185,7 +185,7 @@ def test_a_nonce_is_good_once_for_its_verb_and_for_a_second(opened: NativeBoard)
     assert len({ask(16) for _ in range(100)}) == 100
 
 
-def test_a_verb_that_is_none(opened: NativeBoard) -> None:
+def test_a_verb_that_is_none(opened: UartBoard) -> None:
     nonce = said(opened.say(frame("CHALLENGE", 9, 0)))[0][1]["nonce"]
     assert said(opened.say(frame("EXECUTE", 9, nonce)))[0][1]["reason"] == 1  # UNSUPPORTED
 
@@ -193,7 +193,7 @@ def test_a_verb_that_is_none(opened: NativeBoard) -> None:
 # ---- telemetry ----
 
 
-def test_a_step_of_any_size_follows_as_there_is_room(opened: NativeBoard) -> None:
+def test_a_step_of_any_size_follows_as_there_is_room(opened: UartBoard) -> None:
     """More than the queue holds: the words follow, and the next step waits for them."""
     for bank in (0, 1, 2):
         assert said(opened.say(frame("SELECT", bank, 0xFFFFFFFF)))[0][0] == "ACK"
@@ -209,7 +209,7 @@ def test_a_step_of_any_size_follows_as_there_is_room(opened: NativeBoard) -> Non
     assert [values["index"] for name, values in heard if name == "WORD"] == words + words
 
 
-def test_periodic_telemetry_only_while_open(board: NativeBoard) -> None:
+def test_periodic_telemetry_only_while_open(board: UartBoard) -> None:
     names = [message.name for message in protocol().by_identifier.values()]
     assert {"TIME", "STATUS"} <= set(names)
     board.run_us(1_000_000)
@@ -227,7 +227,7 @@ def test_periodic_telemetry_only_while_open(board: NativeBoard) -> None:
 
 
 def test_the_clock_wraps() -> None:
-    board = NativeBoard(time_us=(1 << 32) - 300_000)
+    board = UartBoard(time_us=(1 << 32) - 300_000)
     board.say(b"O\r")
     board.run_us(600_000)
     time = protocol()["TIME"]
@@ -241,7 +241,7 @@ def test_the_clock_wraps() -> None:
 # ---- live parameters ----
 
 
-def staged(board: NativeBoard, **changed: int) -> bytes:
+def staged(board: UartBoard, **changed: int) -> bytes:
     """Stage these on top of the table in use; the commit of the result."""
     said_of = said(board.say(frame("PARAM_GET", 0xFFFF, 0), turns=60))
     words = {words["index"]: words["value"] for name, words in said_of if name == "PARAM_VALUE"}
@@ -253,12 +253,12 @@ def staged(board: NativeBoard, **changed: int) -> bytes:
     return frame("PARAM_COMMIT", len(words), parameters.crc32([words[place] for place in range(len(words))]))
 
 
-def answers_of(board: NativeBoard, request: bytes) -> dict[str, dict[str, int]]:
+def answers_of(board: UartBoard, request: bytes) -> dict[str, dict[str, int]]:
     return {name: words for name, words in said(board.say(request)) if name in ("ACK", "NACK", "PARAM_USED")}
 
 
 @pytest.mark.parametrize("run", ["REALTIME_LIVE", "REALTIME_INJECTED"])
-def test_gains_change_during_a_run_that_is_not_armed(opened: NativeBoard, run: str) -> None:
+def test_gains_change_during_a_run_that_is_not_armed(opened: UartBoard, run: str) -> None:
     begin(opened, run)
     opened.run_us(50_000)
     commit = staged(opened, pid_kp_q22=5)
@@ -270,22 +270,22 @@ def test_gains_change_during_a_run_that_is_not_armed(opened: NativeBoard, run: s
     assert 2 <= answers["PARAM_USED"]["step"] <= steps - 4, "the run went on"
 
 
-def test_a_commit_that_is_repeated_during_a_run_is_answered_alike(opened: NativeBoard) -> None:
+def test_a_commit_that_is_repeated_during_a_run_is_answered_alike(opened: UartBoard) -> None:
     begin(opened, "REALTIME_LIVE")
     commit = staged(opened, pid_kp_q22=5)
     assert "ACK" in answers_of(opened, commit) and "ACK" in answers_of(opened, commit)
 
 
-def test_what_is_not_live_waits_for_the_end_of_the_run(opened: NativeBoard) -> None:
+def test_what_is_not_live_waits_for_the_end_of_the_run(opened: UartBoard) -> None:
     begin(opened, "REALTIME_LIVE")
     for changed in ({"arm_hold_ms": 5}, {"pid_kp_q22": 5, "kalman_qb": 5}, {"esc_mid_halfus": 3001}):
         assert answers_of(opened, staged(opened, **changed))["NACK"]["reason"] == 7  # BUSY
 
 
-def test_gains_do_not_change_in_lockstep(opened: NativeBoard) -> None:
+def test_gains_do_not_change_in_lockstep(opened: UartBoard) -> None:
     begin(opened, "LOCKSTEP")
     assert answers_of(opened, staged(opened, pid_kp_q22=5))["NACK"]["reason"] == 7  # BUSY
 
 
-def test_a_commit_without_a_run_is_not_announced(opened: NativeBoard) -> None:
+def test_a_commit_without_a_run_is_not_announced(opened: UartBoard) -> None:
     assert set(answers_of(opened, staged(opened, pid_kp_q22=5))) == {"ACK"}

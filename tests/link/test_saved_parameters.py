@@ -18,19 +18,19 @@ from plumb.boards.link import LinkBoard
 from plumb.errors import LinkError
 from plumb.link.session import Session
 from plumb.spec import parameters
-from support.native_board import NativeBoard, NewBoard
+from support.native_board import NewBoard, UartBoard
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 DEFAULTS = [row.default for row in parameters.table()]
 
 
 @pytest.fixture
-def board(new_board: NewBoard) -> NativeBoard:
+def board(new_board: NewBoard) -> UartBoard:
     return new_board()
 
 
 @pytest.fixture
-def session(board: NativeBoard) -> Iterator[Session]:
+def session(board: UartBoard) -> Iterator[Session]:
     with Session.open(board) as opened:
         yield opened
 
@@ -39,7 +39,7 @@ def changed(period_us: int) -> list[int]:
     return parameters.whole_table(CONTROL, period_us=period_us)
 
 
-def after_reset(board: NativeBoard) -> tuple[list[int], str, int]:
+def after_reset(board: UartBoard) -> tuple[list[int], str, int]:
     """Values in use, where they come from, and the faults in the low byte, after power off and on."""
     board.reset()
     board.turn()
@@ -48,14 +48,14 @@ def after_reset(board: NativeBoard) -> tuple[list[int], str, int]:
         return session.read_parameters(), identity.parameter_source, identity["FAULTS"] & 0xFF
 
 
-def test_what_is_not_saved_is_gone_after_a_reset(board: NativeBoard) -> None:
+def test_what_is_not_saved_is_gone_after_a_reset(board: UartBoard) -> None:
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=3000)
         assert session.connect().parameter_source == "set by a host and not saved"
     assert after_reset(board) == (DEFAULTS, "factory defaults", 0)
 
 
-def test_what_is_saved_is_there_after_a_reset(board: NativeBoard) -> None:
+def test_what_is_saved_is_there_after_a_reset(board: UartBoard) -> None:
     for number, period_us in enumerate((3000, 4000, 5000), 1):
         with Session.open(board) as session:
             session.upload(CONTROL, period_us=period_us)
@@ -64,7 +64,7 @@ def test_what_is_saved_is_there_after_a_reset(board: NativeBoard) -> None:
         assert after_reset(board) == (changed(period_us), f"saved in flash, number {number}", 0)
 
 
-def test_load_and_reset_change_what_is_in_use_and_not_what_is_saved(board: NativeBoard, session: Session) -> None:
+def test_load_and_reset_change_what_is_in_use_and_not_what_is_saved(board: UartBoard, session: Session) -> None:
     session.upload(CONTROL, period_us=3000)
     session.execute("SAVE")
     session.execute("DEFAULTS")
@@ -84,7 +84,7 @@ def test_nothing_saved_is_nothing_to_load(session: Session) -> None:
     assert session.read_parameters() == changed(3000)
 
 
-def test_saving_forgets_nothing_that_is_staged_and_loading_does(board: NativeBoard, session: Session) -> None:
+def test_saving_forgets_nothing_that_is_staged_and_loading_does(board: UartBoard, session: Session) -> None:
     """A commit is what was staged since, on top of what is in use."""
     index = [row.name for row in parameters.table()].index("period_us")
     session.execute("SAVE")
@@ -100,7 +100,7 @@ def test_saving_forgets_nothing_that_is_staged_and_loading_does(board: NativeBoa
 
 
 @pytest.mark.parametrize("verb", ["SAVE", "LOAD", "DEFAULTS", "BOOTLOADER"])
-def test_in_a_run_and_armed_they_are_refused(board: NativeBoard, session: Session, verb: str) -> None:
+def test_in_a_run_and_armed_they_are_refused(board: UartBoard, session: Session, verb: str) -> None:
     session.begin("REALTIME_LIVE")
     session.arm()
     cells = bytes(board.flash_cells())
@@ -110,7 +110,7 @@ def test_in_a_run_and_armed_they_are_refused(board: NativeBoard, session: Sessio
 
 
 @pytest.mark.parametrize("verb", ["SAVE", "LOAD", "DEFAULTS", "BOOTLOADER"])
-def test_they_answer_a_nonce_of_their_own(board: NativeBoard, session: Session, verb: str) -> None:
+def test_they_answer_a_nonce_of_their_own(board: UartBoard, session: Session, verb: str) -> None:
     number = session.protocol["EXECUTE"].value("verb", verb)
     session.request("CHALLENGE", number % 5 + 1, 0, answer="NONCE")
     cells = bytes(board.flash_cells())
@@ -119,7 +119,7 @@ def test_they_answer_a_nonce_of_their_own(board: NativeBoard, session: Session, 
     assert bytes(board.flash_cells()) == cells and not board.leaves
 
 
-def test_a_worn_flash_says_no_and_keeps_the_old_set(board: NativeBoard) -> None:
+def test_a_worn_flash_says_no_and_keeps_the_old_set(board: UartBoard) -> None:
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=3000)
         session.execute("SAVE")
@@ -134,7 +134,7 @@ def test_a_worn_flash_says_no_and_keeps_the_old_set(board: NativeBoard) -> None:
     assert after_reset(board)[0] == changed(3000)
 
 
-def test_a_damaged_set_blocks_arming_until_it_is_replaced(board: NativeBoard) -> None:
+def test_a_damaged_set_blocks_arming_until_it_is_replaced(board: UartBoard) -> None:
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=3000)
         session.execute("SAVE")
@@ -152,7 +152,7 @@ def test_a_damaged_set_blocks_arming_until_it_is_replaced(board: NativeBoard) ->
         assert board.armed
 
 
-def entry_of_another_version(board: NativeBoard) -> None:
+def entry_of_another_version(board: UartBoard) -> None:
     """The saved set as a version left it that had no period_us, and something that is no more."""
     cells = board.flash_cells()
     place = 5 + 3 * [row.name for row in parameters.table()].index("period_us")
@@ -161,7 +161,7 @@ def entry_of_another_version(board: NativeBoard) -> None:
     cells[len(body) // 2], cells[len(body) // 2 + 1] = struct.unpack("<HH", struct.pack("<I", zlib.crc32(body)))
 
 
-def test_what_another_version_saved_is_kept_as_far_as_it_is_known(board: NativeBoard) -> None:
+def test_what_another_version_saved_is_kept_as_far_as_it_is_known(board: UartBoard) -> None:
     default = next(row.default for row in parameters.table() if row.name == "period_us")
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=3000, esc_period_us=4000)
@@ -182,7 +182,7 @@ def test_what_another_version_saved_is_kept_as_far_as_it_is_known(board: NativeB
     assert after_reset(board) == (kept, "saved in flash, number 2", 0)
 
 
-def test_a_set_that_this_version_does_not_take_is_named_and_blocks_arming(board: NativeBoard) -> None:
+def test_a_set_that_this_version_does_not_take_is_named_and_blocks_arming(board: UartBoard) -> None:
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=3000)
         session.execute("SAVE")
@@ -201,7 +201,7 @@ def test_a_set_that_this_version_does_not_take_is_named_and_blocks_arming(board:
     assert values == DEFAULTS and source.startswith("factory defaults: ") and faults == 0x80
 
 
-def test_the_way_into_the_bootloader_begins_when_the_answer_is_out(board: NativeBoard, session: Session) -> None:
+def test_the_way_into_the_bootloader_begins_when_the_answer_is_out(board: UartBoard, session: Session) -> None:
     session.execute("BOOTLOADER")
     assert not board.leaves
     board.run_us(99_000)
@@ -211,7 +211,7 @@ def test_the_way_into_the_bootloader_begins_when_the_answer_is_out(board: Native
 
 
 @pytest.mark.parametrize("arms", [False, True], ids=["run", "armed run"])
-def test_a_run_withdraws_the_request_for_the_bootloader(board: NativeBoard, session: Session, arms: bool) -> None:
+def test_a_run_withdraws_the_request_for_the_bootloader(board: UartBoard, session: Session, arms: bool) -> None:
     session.execute("BOOTLOADER")
     session.begin("REALTIME_LIVE")
     if arms:
@@ -225,7 +225,7 @@ def test_a_run_withdraws_the_request_for_the_bootloader(board: NativeBoard, sess
     assert not board.leaves
 
 
-def test_the_arm_switch_withdraws_the_request_for_the_bootloader(board: NativeBoard, session: Session) -> None:
+def test_the_arm_switch_withdraws_the_request_for_the_bootloader(board: UartBoard, session: Session) -> None:
     board.switch(False)
     board.run_us(50_000)
     session.execute("BOOTLOADER")
@@ -243,7 +243,7 @@ def command(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, s
 
 
 def test_the_command_saves_loads_and_resets(
-    board: NativeBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def opened(_spec: str, **_options: Any) -> LinkBoard:
         return LinkBoard("memory", Session.open(board))

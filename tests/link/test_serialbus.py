@@ -26,7 +26,7 @@ from plumb.link.transports.slcan import text_of_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import Frame, check, protocol
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.slow_time import slow_down
 
 WAIT_S = 60.0
@@ -145,7 +145,7 @@ def test_filters_and_what_is_sent() -> None:
 
 
 def test_listen_only_opens_read_only() -> None:
-    board = NativeBoard()
+    board = UartBoard()
     with PlumbBus(board, listen_only=True) as bus:
         bus.write_frames(frames_of(1))
         board.run_us(300_000)
@@ -160,7 +160,7 @@ def test_listen_only_opens_read_only() -> None:
 class Served:
     """A board behind a file descriptor, in real time."""
 
-    def __init__(self, board: NativeBoard, fd: int) -> None:
+    def __init__(self, board: UartBoard, fd: int) -> None:
         self.board, self._fd, self._stop = board, fd, threading.Event()
         self.thread = threading.Thread(target=self._serve, daemon=True)
         self.thread.start()
@@ -197,7 +197,7 @@ def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     master, slave = os.openpty()
     tty.setraw(master)
     tty.setraw(slave)
-    served = Served(NativeBoard(), master)
+    served = Served(UartBoard(), master)
     yield os.ttyname(slave)
     served.stop()
     os.close(master)
@@ -262,7 +262,7 @@ def test_a_bus_over_tcp_and_a_board_that_goes_away() -> None:
     def serve() -> None:
         connection, _ = server.accept()
         opened.append(connection)
-        opened_board.append(Served(NativeBoard(), connection.fileno()))
+        opened_board.append(Served(UartBoard(), connection.fileno()))
 
     opened_board: list[Served] = []
     threading.Thread(target=serve, daemon=True).start()

@@ -24,7 +24,7 @@ from plumb.link.transports.slcan import text_of_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import Frame, crc8, protocol
-from support.native_board import BAUD_921600_NS, NativeBoard, NewBoard
+from support.native_board import BAUD_921600_NS, NewBoard, UartBoard
 from support.sessions import CONTROL, BadLine, armed_session
 from support.transcripts import begin, frame, said
 
@@ -39,7 +39,7 @@ def changed(name: str, value: int) -> list[int]:
 
 
 def test_connect_tells_who_is_there() -> None:
-    with Session.open(NativeBoard(seed=7)) as session:
+    with Session.open(UartBoard(seed=7)) as session:
         identity = session.identity
         assert identity is not None
         assert identity.mismatch is None
@@ -89,7 +89,7 @@ def test_a_new_greeting_counts_anew(new_board: NewBoard) -> None:
 
 
 def test_silence_is_one_sentence() -> None:
-    class Dead(NativeBoard):
+    class Dead(UartBoard):
         def write(self, data: bytes) -> int:
             return len(data)
 
@@ -99,7 +99,7 @@ def test_silence_is_one_sentence() -> None:
 
 
 def test_a_board_whose_time_stands_still_does_not_hang(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Frozen(NativeBoard):
+    class Frozen(UartBoard):
         def read(self, size: int = 1) -> bytes:
             return b""
 

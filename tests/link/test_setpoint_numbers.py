@@ -13,7 +13,7 @@ import pytest
 from plumb.link.session import Session
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec.protocol import Frame, protocol
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.sessions import CONTROL, STEER, listen, refusal
 
 LINKS = ("serial", "can")
@@ -25,7 +25,7 @@ class Driven:
     """A board that drives, armed over a link, and the SETPOINT_USED that its host hears."""
 
     def __init__(self, link: str, period_us: int = 5000, time_us: int = 0) -> None:
-        self.board = NativeBoard(time_us=time_us)
+        self.board = UartBoard(time_us=time_us)
         self.board.run_us(30_000)
         bus = self.board.can_bus()
         self.session = Session.over(bus) if link == "can" else Session.open(self.board)

@@ -6,7 +6,7 @@ import pytest
 
 from plumb.link.session import Session
 from plumb.spec import parameters
-from support.native_board import NativeBoard, NewBoard
+from support.native_board import NewBoard, UartBoard
 from support.sessions import CONTROL
 from support.transcripts import frame, said
 
@@ -21,7 +21,7 @@ FAULT_CAUSE, KEEPALIVE_CAUSE = 0x08, 0x20
 ADC, SENSOR, UART, WATCHDOG, UPSET = 0x0001, 0x0040, 0x0200, 0x0400, 0x4000
 
 
-def driving(board: NativeBoard, link: str = "serial") -> Session:
+def driving(board: UartBoard, link: str = "serial") -> Session:
     """Armed over this link, kept alive, the outputs away from neutral."""
     session = Session.open(board) if link == "serial" else Session.over(board.can_bus())
     session.upload(CONTROL, period_us=4000, arm_hold_ms=0, esc_period_us=FRAME_US)
@@ -40,7 +40,7 @@ def listen(session: Session, seconds: float) -> dict[str, dict[str, int]]:
     return session.telemetry
 
 
-def resting(board: NativeBoard) -> bool:
+def resting(board: UartBoard) -> bool:
     return set(board.pulses) == NEUTRAL and not board.armed
 
 

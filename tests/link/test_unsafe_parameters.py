@@ -18,7 +18,7 @@ from plumb.spec.parameter_file import warnings
 from plumb.systems import shipped_tunings
 from support import link_functions
 from support.declared_systems import without_output
-from support.native_board import NativeBoard, NewBoard
+from support.native_board import NewBoard, UartBoard
 from support.sessions import CONTROL, listen
 
 ROWS = parameters.table()
@@ -94,7 +94,7 @@ def test_every_parameter_says_what_it_can_weaken() -> None:
     assert {number for row in ROWS for number in row.weakens} <= armed_values.promises().keys() <= numbers
 
 
-def connected(board: NativeBoard, **changes: int) -> Session:
+def connected(board: UartBoard, **changes: int) -> Session:
     session = Session(PlumbBus(board))
     session.connect()
     session.upload(CONTROL, **changes)

@@ -17,7 +17,7 @@ from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems import shipped_tunings
 from plumb.tuning import quantities
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 MESSAGES = protocol()
 DEFAULT = [row.default & 0xFFFFFFFF for row in parameters.table()]
@@ -221,7 +221,7 @@ class Watched:
 
 @pytest.fixture
 def watched() -> Iterator[Watched]:
-    with Session(PlumbBus(NativeBoard())) as session:
+    with Session(PlumbBus(UartBoard())) as session:
         session.connect()
         yield Watched(session)
 

@@ -15,7 +15,7 @@ import pytest
 
 from plumb import systems
 from plumb.boards import open_board
-from plumb.boards.contract import Answer, Board
+from plumb.boards.contract import Answer, StepBoard
 from plumb.errors import PlumbError, UsageError
 from plumb.proof import golden, golden_manifest, golden_recipe
 from plumb.proof.golden import Vector
@@ -61,7 +61,7 @@ def small(made: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture(params=["native", "qemu", "virtual"])
-def board(request: pytest.FixtureRequest) -> Iterator[Board]:
+def board(request: pytest.FixtureRequest) -> Iterator[StepBoard]:
     try:
         opened = open_board(request.param)
     except (PlumbError, ImportError) as error:
@@ -73,7 +73,7 @@ def board(request: pytest.FixtureRequest) -> Iterator[Board]:
 class Spoiled:
     """A board whose answers have one bit changed in one word of one step."""
 
-    def __init__(self, board: Board, step: int, signal: str, bit: int, with_words: bool = True) -> None:
+    def __init__(self, board: StepBoard, step: int, signal: str, bit: int, with_words: bool = True) -> None:
         self.name = board.name
         self._board, self._at, self._with_words = board, (step, signal, bit), with_words
 
@@ -124,7 +124,7 @@ def test_making_twice_gives_the_same_bytes(small: Path) -> None:
 
 
 @pytest.mark.slow
-def test_every_board_passes_every_vector_meant_for_it(board: Board) -> None:
+def test_every_board_passes_every_vector_meant_for_it(board: StepBoard) -> None:
     result = golden.check(board, FOLDER)
     kinds = KINDS.get(board.name, {"step"})
     whole = board.name in golden.WHOLE_BOARDS
@@ -152,7 +152,7 @@ def test_over_can_every_system_answers_the_same() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("bit", [0, 30])
 @pytest.mark.parametrize("signal", ["raw_0", "tilt_turn_q32", "pulse_halfus_1"])
-def test_one_wrong_bit_of_a_board_is_named(board: Board, small: Path, signal: str, bit: int) -> None:
+def test_one_wrong_bit_of_a_board_is_named(board: StepBoard, small: Path, signal: str, bit: int) -> None:
     result = golden.check(Spoiled(board, 37, signal, bit), small)  # type: ignore[arg-type]
     first = result.first_divergence
     assert first is not None

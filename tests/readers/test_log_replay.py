@@ -15,7 +15,7 @@ import pytest
 from plumb import __main__ as front
 from plumb import systems
 from plumb.boards import open_board
-from plumb.boards.contract import Board, RawCounts, Setpoints
+from plumb.boards.contract import RawCounts, Setpoints, StepBoard
 from plumb.boards.in_process import InProcessParts
 from plumb.boards.native import NativeBoard as NativeCore
 from plumb.errors import UnverifiedError, UsageError
@@ -241,7 +241,7 @@ def test_the_virtual_board_goes_across_the_changes_in_real_time(
 def test_a_board_that_takes_no_parameters_in_lockstep_verifies_the_steps_before(changed: Path) -> None:
     (recorded,) = runs_of(open_log(changed))
 
-    class Plain(Board):
+    class Plain(StepBoard):
         """As a board behind a link."""
 
         name = "plain"

@@ -22,7 +22,7 @@ from plumb.link.identity import (
 from plumb.link.session import Session
 from plumb.spec import declarations
 from plumb.spec.protocol import load_database
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 BIT = r"^#define {}_(\w+)[\s\\]+0x([0-9a-fA-F]+)U\b"
@@ -85,8 +85,8 @@ def test_of_an_unknown_system_a_stop_reason_names_the_systems_that_have_it() -> 
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
-    memory = NativeBoard()
+def board(monkeypatch: pytest.MonkeyPatch) -> UartBoard:
+    memory = UartBoard()
     memory.switch(False)
     memory.run_us(50_000)
     monkeypatch.setattr("plumb.boards.open_link_board", lambda spec, link: LinkBoard(spec, Session.open(memory)))
@@ -102,7 +102,7 @@ def doctor(capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, list[str]
     return code, told
 
 
-def test_doctor_on_a_board_that_is_well(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_on_a_board_that_is_well(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, told = doctor(capsys)
     assert code == 0
     assert told["last reset"] == ["power"] and told["parameters"] == ["factory defaults"]
@@ -110,13 +110,13 @@ def test_doctor_on_a_board_that_is_well(board: NativeBoard, capsys: pytest.Captu
 
 
 @pytest.mark.parametrize("bit", BLOCKING_FAULTS)
-def test_doctor_names_each_fault_that_blocks(board: NativeBoard, capsys: pytest.CaptureFixture[str], bit: int) -> None:
+def test_doctor_names_each_fault_that_blocks(board: UartBoard, capsys: pytest.CaptureFixture[str], bit: int) -> None:
     board.sensors(faults=1 << bit)
     code, told = doctor(capsys)
     assert code == 1 and told["fault"] == [FAULTS[bit]]
 
 
-def test_doctor_names_a_switch_that_is_closed(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_names_a_switch_that_is_closed(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     board.reset()
     board.switch(True)
     code, told = doctor(capsys)

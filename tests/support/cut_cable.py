@@ -14,7 +14,7 @@ from plumb.boards.native_mcu import NativeCanBus
 from plumb.link.session import Session
 from plumb.link.transports.byte_stream import ClosedError
 from plumb.spec.protocol import Frame
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 
 class CutBus(NativeCanBus):
@@ -38,7 +38,7 @@ class Cable:
 
     def __init__(self, link: str) -> None:
         self.link, self.cut, self.opened = link, False, 0
-        self.board = NativeBoard()
+        self.board = UartBoard()
         self.board.sensors()
 
     def check(self) -> None:
@@ -76,7 +76,7 @@ class Cable:
         self.cut = False
 
     def another_board(self) -> None:
-        self.board = NativeBoard(seed=2)
+        self.board = UartBoard(seed=2)
         self.board.sensors()
         self.cut = False
 

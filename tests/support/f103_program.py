@@ -10,7 +10,7 @@ from typing import Any
 RESULTS_OFFSET = 0
 
 
-class Board:
+class RunningProgram:
     """A machine with one of the small programs, and its results in RAM."""
 
     def __init__(self, elf: Path, **options: Any) -> None:
@@ -25,5 +25,5 @@ class Board:
         struct.pack_into("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index, value)
 
 
-NewBoard = Callable[..., Board]
+NewBoard = Callable[..., RunningProgram]
 """Name of a program in tests/f103, and options of the machine -> a board that runs it."""

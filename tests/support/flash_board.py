@@ -1,4 +1,4 @@
-"""The flash image on the simulated chip, with the face of support.native_board.NativeBoard: one body runs on both."""
+"""The flash image on the simulated chip, with the face of support.native_board.UartBoard: one body runs on both."""
 
 from __future__ import annotations
 

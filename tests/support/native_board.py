@@ -19,7 +19,7 @@ BAUD_921600_NS = 10851
 """Time of a byte."""
 
 
-class NativeBoard(NativeUart):
+class UartBoard(NativeUart):
     """The far end of a serial link, as a stream what PlumbBus takes, and the board behind it.
 
     spoil_down, spoil_up: called with every chunk on its way, to damage it; a chunk is what passes in 100 us.
@@ -156,5 +156,5 @@ class NativeBoard(NativeUart):
         assert self.mcu.state == State.OFF
 
 
-NewBoard = Callable[[], NativeBoard]
+NewBoard = Callable[[], UartBoard]
 """Makes a board that is switched on: in a test that takes `new_board`, on the native port or of the flash image."""

@@ -7,7 +7,7 @@ import pytest
 from plumb import __main__ as front
 from plumb.link.session import Session
 from plumb.spec import parameters
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 
 def params(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
@@ -17,7 +17,7 @@ def params(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, st
     return code, captured.out, captured.err
 
 
-def in_use(board: NativeBoard) -> dict[str, int]:
+def in_use(board: UartBoard) -> dict[str, int]:
     """The board's parameters by name."""
     with Session.open(board) as session:
         return dict(zip((row.name for row in parameters.table()), session.read_parameters(), strict=True))

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from plumb.boards.contract import Board, RawCounts, StepOutput, Stepper
+from plumb.boards.contract import RawCounts, StepBoard, StepOutput, Stepper
 from plumb.contract.parameters import ControlParams
 from plumb.errors import LinkError
 
@@ -31,12 +31,12 @@ class Sender(threading.Thread):
                 out.sendto(data, ("127.0.0.1", self._port))
 
 
-class Wrong(Board):
+class Wrong(StepBoard):
     """A board whose integers go wrong at its 200th step, or that goes away there."""
 
     name = "wrong"
 
-    def __init__(self, board: Board, *, dies: bool = False) -> None:
+    def __init__(self, board: StepBoard, *, dies: bool = False) -> None:
         self._board, self._dies = board, dies
 
     def run_injected(self, *_: Any) -> Any:

@@ -9,7 +9,7 @@ from plumb.contract.parameters import quantise
 from plumb.link.identity import NOT_READY, disarmed_text
 from plumb.link.session import Session
 from plumb.spec import crsf
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.noise import with_noise
 
 SYSTEM = systems.load("quadrotor")
@@ -28,7 +28,7 @@ class Field:
     listens. sends: the pilot's frame; empty: silence."""
 
     def __init__(self, sends: bytes = OFF, **words: int) -> None:
-        self.board, self.feels, self.sends, self._number = NativeBoard(), LEVEL, sends, 0
+        self.board, self.feels, self.sends, self._number = UartBoard(), LEVEL, sends, 0
         self.frame_s = FRAME_S
         self.transmit: Callable[[bytes], object] = self.board.mcu.receiver_send
         self.board.wires.strap = PINS_QUADROTOR

@@ -59,7 +59,7 @@ class Quadrotor:
     frames: bool = True
     signs_off: bool = False
     number: int = 1
-    state: fixed.ControlState = field(init=False)
+    state: fixed.QuadrotorState = field(init=False)
 
     def __post_init__(self) -> None:
         self.state = fixed.control_init(self.words)

@@ -21,7 +21,7 @@ from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import protocol
 from plumb.writers.log_writer import LogWriter
 from plumb.writers.recorder import Recorder
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 FRAMES = ("RAW_A", "QUAD_ANGLE")
 MOTION = ((1676, 2048, 3041), (1720, 2090, 3035), (1650, 2010, 3044), (1701, 1995, 3040))
@@ -42,7 +42,7 @@ def recorded_run(
 ) -> Path:
     """A log of a live run of quad. setpoint: set in the middle. late: the recorder joins in the middle of the run.
     changes: parameters that are committed after the middle, one set after the other."""
-    board = NativeBoard()
+    board = UartBoard()
     session = Session(PlumbBus(board))
     session.connect()
     if late:
@@ -65,7 +65,7 @@ def recorded_run(
     return path
 
 
-def _live(board: NativeBoard, session: Session, seconds: float) -> None:
+def _live(board: UartBoard, session: Session, seconds: float) -> None:
     end, turn = session.clock() + seconds, 0
     while session.clock() < end:
         board.sensors((*MOTION[turn % len(MOTION)], 0, 0, 0))

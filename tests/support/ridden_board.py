@@ -10,7 +10,7 @@ from plumb.link.session import Session
 from plumb.spec import crsf
 from plumb.systems.wheels import quantise, scenarios
 from plumb.systems.wheels.plant import WheelsPlant
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 PARAMS = quantise.quantise(scenarios.TUNINGS["steered"])
 PINS_WHEELS = 3
@@ -27,7 +27,7 @@ class Ridden:
     def __init__(self, name: str = "steps-off", words: dict[str, int] | None = None) -> None:
         scenario = scenarios.scenario(name, 1000)
         self.plant = WheelsPlant(replace(scenario, asked_mps=0.0 * scenario.asked_mps))
-        self.board, self.sends, self._turn = NativeBoard(), OFF, 0
+        self.board, self.sends, self._turn = UartBoard(), OFF, 0
         self.wires = self.board.wires
         self.wires.strap = PINS_WHEELS
         self.wires.receiver_byte_ns = round(1e10 / crsf.BAUD)

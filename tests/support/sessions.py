@@ -13,7 +13,7 @@ from plumb.link.identity import NackError
 from plumb.link.session import Session
 from plumb.spec import parameters
 from support.flash_image import image_path
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 from support.pins import at_rest
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
@@ -24,7 +24,7 @@ STEER = 1 << 28
 """A setpoint of 22.5 degrees."""
 
 
-def armed_session(board: NativeBoard, period_us: int = 1000) -> Session:
+def armed_session(board: UartBoard, period_us: int = 1000) -> Session:
     session = Session.open(board)
     session.upload(CONTROL, period_us=period_us)
     session.begin("REALTIME_LIVE")

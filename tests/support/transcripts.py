@@ -5,7 +5,7 @@ from __future__ import annotations
 from plumb.link.board_frames import PERIODIC
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec.protocol import Frame, protocol
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 
 def frame(name: str, *words: int, counter: int = 0, flags: int = 0) -> bytes:
@@ -21,7 +21,7 @@ def said(text: bytes) -> list[tuple[str, dict[str, int]]]:
     return [entry for entry in named if entry[0] not in PERIODIC]
 
 
-def begin(board: NativeBoard, run: str) -> None:
+def begin(board: UartBoard, run: str) -> None:
     number = protocol()["RUN_BEGIN"].value("run", run)
     nonce = said(board.say(frame("CHALLENGE", number, 0)))[0][1]["nonce"]
     assert said(board.say(frame("RUN_BEGIN", number, nonce)))[0][0] == "ACK"

@@ -18,7 +18,7 @@ from plumb.proof.golden_recipe import WILD
 from plumb.spec import declarations
 from plumb.spec.records import RECORDS, Words, names_of
 from plumb.systems.attitude import scenarios as attitude
-from plumb.systems.attitude.fixed_state import ControlState
+from plumb.systems.attitude.fixed_state import AttitudeState
 from plumb.systems.attitude.tuning import AttitudeTuning, Motion, Mounting, Rest
 from support.each_run import run_each
 from support.wild_params import wild_attitude_params
@@ -102,7 +102,7 @@ def test_largest_correction_of_a_bias_at_its_limit_keeps_it_there(limit: int) ->
     words[names_of("attitude").index("bias_turnps_q32_0")] = limit
     words[size + 55] = limit + limit - (limit > 0)
     state = model._c
-    assert isinstance(state, ControlState)
+    assert isinstance(state, AttitudeState)
     state.bias_turnps_q32[0], state.errors.correction_q28[0] = limit, limit + limit - (limit > 0)
     assert core.step(rest, 0) == model.step(rest, 0)
     assert state.bias_turnps_q32[0] == limit

@@ -28,7 +28,7 @@ from plumb.systems.contracts import PINS
 PARAMS = quantise(balancer.TUNED)
 
 
-class Watched(balancer_live.Coupling):
+class Watched(balancer_live.BalancerCoupling):
     """Writes down what the firmware reads out of the data registers of the accelerometer."""
 
     made: list[Watched] = []  # noqa: RUF012
@@ -43,7 +43,7 @@ class Watched(balancer_live.Coupling):
 @pytest.fixture(scope="module", params=[pytest.param("serial", marks=pytest.mark.long), "can"])
 def inputs(request: pytest.FixtureRequest) -> Iterator[tuple[VirtualBoard, Run]]:
     with VirtualBoard(link=request.param) as board, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(balancer_live, "Coupling", Watched)
+        patch.setattr(balancer_live, "couple", Watched)
         yield board, live_run.run_live(board, balancer.scenario("rough", 1000, seconds=6.0), PARAMS)
 
 
@@ -127,13 +127,13 @@ def test_a_hall_state_that_cannot_be_disarms(kind: str) -> None:
 
 @pytest.mark.slow
 def test_a_chip_that_falls_silent_disarms_and_the_vehicle_falls() -> None:
-    class Dying(balancer_live.Coupling):
+    class Dying(balancer_live.BalancerCoupling):
         def _follow(self, now: int) -> None:
             super()._follow(now)
             self.gyro.answers = self.plant.time_s < 4.0
 
     with VirtualBoard() as board, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(balancer_live, "Coupling", Dying)
+        patch.setattr(balancer_live, "couple", Dying)
         with pytest.raises(LinkError, match=r"takes no samples|disarmed itself"):
             live_run.run_live(board, balancer.scenario("rough", 1000, seconds=8.0), PARAMS)
         assert not board.machine.bridge().enabled, "no duty on stale samples"

@@ -24,7 +24,7 @@ def test_reading_a_pin_leaves_the_plant_where_it_is(name: str) -> None:
         board.session.upload(quantise(tuning).words(), period_us=tuning.period_us, **system.LINK)
         machine = board.machine
         scenario = system.scenario(live.SHOWN, 1, seconds=1.0, period_us=tuning.period_us)
-        coupling = live.Coupling(machine, system.plant(scenario))
+        coupling = live.couple(machine, system.plant(scenario))
         board.session.begin("REALTIME_LIVE", frames=live.FRAMES)
         machine.advance_us(tuning.period_us * 1.5)
         before = machine.snapshot(coupling, board.session)
@@ -56,7 +56,7 @@ def test_a_held_pin_leaves_the_other_pins_to_the_plant(name: str) -> None:
     with VirtualBoard() as board:
         board.session.upload(quantise(tuning).words(), period_us=tuning.period_us, **system.LINK)
         machine = board.machine
-        coupling = live.Coupling(
+        coupling = live.couple(
             machine, system.plant(system.scenario(live.SHOWN, 1, seconds=1.0, period_us=tuning.period_us))
         )
         board.session.begin("REALTIME_LIVE", frames=live.FRAMES)

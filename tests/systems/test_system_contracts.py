@@ -49,7 +49,11 @@ def plants_and_couplings() -> tuple[list[Scenario], list[Plant], list[type[Coupl
     one, two = quad.scenario("quiet", 1, seconds=1.0), balancer.scenario("smooth", 1, seconds=1.0)
     three = turntable.scenario(turntable.DEFAULT_SCENARIO, 1, seconds=1.0)
     plants: list[Plant] = [quad.plant(one), balancer.plant(two), turntable.plant(three)]
-    return [one, two, three], plants, [quad_pins.Coupling, balancer_pins.Coupling, turntable_pins.Coupling]
+    return (
+        [one, two, three],
+        plants,
+        [quad_pins.QuadCoupling, balancer_pins.BalancerCoupling, turntable_pins.TurntableCoupling],
+    )
 
 
 @pytest.mark.parametrize("name", systems.SYSTEMS)
@@ -81,7 +85,7 @@ def test_a_contract_has_the_members_of_the_system() -> None:
 def test_everything_that_a_module_lacks_is_named_at_once() -> None:
     module = ModuleType("plumb.systems.odd.pins")
     module.__file__ = "odd/pins.py"
-    vars(module).update(Coupling=object, FRAMES=(), SHOWN="still")
+    vars(module).update(couple=object, FRAMES=(), SHOWN="still")
     with pytest.raises(UsageError, match=r"^odd/pins\.py lacks SCENARIO, TUNING; CONTRIBUTING"):
         system_parts.check(module, PINS.contract)
 

@@ -23,7 +23,7 @@ from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.mavlink import MAVLINK
 from plumb.writers.mavlink_stream import MavlinkStream
-from support.native_board import NativeBoard
+from support.native_board import UartBoard
 
 BODY, VEHICLE = "attitude", "quadrotor"
 LEVEL = (0, 0, 0, 0, 0, 2048)
@@ -52,9 +52,9 @@ def received(link: Any) -> dict[str, list[Any]]:
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
+def board(monkeypatch: pytest.MonkeyPatch) -> UartBoard:
     """With a run of a body that leans to its right, which another host has begun."""
-    memory = NativeBoard()
+    memory = UartBoard()
     memory.sensors(OVER_RIGHT_SIDE)
     params = quantise(systems.load(BODY).TUNINGS[systems.load(BODY).DEFAULT_TUNING])
     with Session.open(memory) as session:
@@ -66,7 +66,7 @@ def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
 
 
 def test_a_ground_station_sees_attitude_heartbeat_and_status_and_the_file_reads_back(
-    board: NativeBoard, station: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    board: UartBoard, station: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tlog = tmp_path / "sent.tlog"
     command = ["bridge", "memory", "--mavlink", station.address, "--seconds", "2", "--tlog", str(tlog), "--json"]
@@ -89,7 +89,7 @@ def test_a_ground_station_sees_attitude_heartbeat_and_status_and_the_file_reads_
     assert kept["ATTITUDE"][-1].roll == newest.roll
 
 
-def test_what_a_ground_station_sends_is_never_read(board: NativeBoard, station: Any) -> None:
+def test_what_a_ground_station_sends_is_never_read(board: UartBoard, station: Any) -> None:
     assert front.main(["bridge", "memory", "--mavlink", station.address, "--seconds", "1.2"]) == 0
     assert received(station)["HEARTBEAT"]
     stream = MavlinkStream((station.port.getsockname()), BODY, None)
@@ -188,7 +188,7 @@ def test_a_vehicle_that_leans_and_turns(station: Any) -> None:
     ],
 )
 def test_what_cannot_be_is_one_sentence(
-    board: NativeBoard, words: str, code: int, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    board: UartBoard, words: str, code: int, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)

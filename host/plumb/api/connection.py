@@ -64,7 +64,7 @@ class Board:
     def __init__(
         self,
         name: str,
-        runs_on: contract.Board,
+        runs_on: contract.StepBoard,
         link: str,
         plant: PlantAsked,
         reconnection: Reconnection | None = None,

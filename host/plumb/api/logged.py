@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from plumb.api.recordings import Recording
 from plumb.api.signals import ReceivedArrays
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.errors import UsageError
 from plumb.proof.scenario_run import ScenarioRun
 from plumb.readers import log_replay, recording
@@ -63,7 +63,7 @@ class LoggedRun(Recording):
 
     def _prepared(
         self, system: str | None, axis: Literal["x", "y", "z"], period_s: float | None, seconds: float | None
-    ) -> Callable[[Board, str, str | None], ScenarioRun]:
+    ) -> Callable[[StepBoard, str, str | None], ScenarioRun]:
         if system not in (None, self.system):
             raise UsageError(f"{self.path.name} is of {self.system}, not of {system}")
         if period_s is not None or axis != "x":

@@ -14,7 +14,7 @@ from plumb import systems
 from plumb.api import arguments
 from plumb.api.runs import RunResult
 from plumb.boards import open_board
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.errors import UsageError
 from plumb.proof.scenario_run import ScenarioRun
 from plumb.readers import replay
@@ -88,7 +88,7 @@ class Recording:
 
     def _prepared(
         self, system: str | None, axis: Literal["x", "y", "z"], period_s: float | None, seconds: float | None
-    ) -> Callable[[Board, str, str | None], ScenarioRun]:
+    ) -> Callable[[StepBoard, str, str | None], ScenarioRun]:
         """Check what is asked for, and return the run; it takes the board, its name, and the link to show beside it."""
         if period_s is not None and not 0.0005 <= period_s <= 0.1:
             raise UsageError(f"period_s = {period_s:g}: a period is from 0.0005 to 0.1 s")

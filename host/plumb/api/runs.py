@@ -22,7 +22,7 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 
 if TYPE_CHECKING:
-    from plumb.boards.contract import Board
+    from plumb.boards.contract import StepBoard
     from plumb.spec.tuning import AnyTuning
 
 Verdict = Literal["pass", "fail", "unverified"]
@@ -188,7 +188,7 @@ def run(
         faults: Faults as text, KIND[:WHAT]@START[-STOP], for example `stuck:gyro@60-70`.
         conditions: Conditions of the scenario by name, 0 or more each.
         open_loop: Prescribed motion: the outputs of the board move nothing.
-        live: Board `virtual` alone: it samples its own sensors by its own timer, armed.
+        live: StepBoard `virtual` alone: it samples its own sensors by its own timer, armed.
         link: Link to board `virtual`.
         image: Flash image of board `virtual`; None: the one that was built or installed.
         changes: Gains that change on the way of a live run, while the board is armed, as text: SECONDS:NAME=VALUE, for
@@ -253,7 +253,7 @@ def request_of(
 
 
 def run_own(
-    board: Board, name: str, params: ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike | None
+    board: StepBoard, name: str, params: ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike | None
 ) -> RunResult:
     """Run raw counts of the caller's own in lockstep; raises UsageError for a wrong shape or number."""
     from plumb.contract.run_fixed import check_inputs

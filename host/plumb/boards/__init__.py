@@ -3,7 +3,7 @@
 `fixed` is the integer model in Python, `native` the C core in this process, `qemu` the C core as Cortex-M code,
 `virtual` the whole flash image on the simulated STM32F103. `serial:PORT[@BAUD]` and `can:INTERFACE:CHANNEL[@KBIT]` are
 the same image on silicon, or on a virtual board that another process serves. `program:COMMAND` is a program of the
-user's, which runs whole vectors. Their interface is `contract.Board`.
+user's, which runs whole vectors. Their interface is `contract.StepBoard`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from plumb.errors import UsageError
 from plumb.link.endpoint_names import REMOTE_BOARDS, CanName, LocalBoard, ProgramName, SerialName, parse_board
 
 if TYPE_CHECKING:
-    from plumb.boards.contract import Board
+    from plumb.boards.contract import StepBoard
     from plumb.boards.link import LinkBoard
 
 
-def open_board(spec: str, *, link: str = "serial", image: Path | None = None) -> Board:
+def open_board(spec: str, *, link: str = "serial", image: Path | None = None) -> StepBoard:
     """The board that `spec` names. link: serial or can, of `virtual`. image: of `virtual`; None: this checkout's build.
 
     Raises UsageError for an invalid name, LinkError when the board does not answer.

@@ -55,7 +55,7 @@ class Stepper(Protocol):
         ...
 
 
-class Board(Protocol):
+class StepBoard(Protocol):
     """Anything that runs the control step: fixed, native, qemu, virtual, and a board behind a link. A context manager:
     leaving it closes the link."""
 
@@ -134,7 +134,7 @@ class RunsInParts(Protocol):
 
 
 @runtime_checkable
-class SimulatedBoard(Board, Protocol):
+class SimulatedBoard(StepBoard, Protocol):
     """A board whose chip is simulated in this process: its pins are accessible, its reset pin included."""
 
     @property

@@ -41,6 +41,6 @@ def open_held(kind: str, name: str, seed: int, *, link: str = "serial", image: P
     tuning = system.TUNINGS[live.TUNING]
     words = {**system.LINK, **sensor_words(system, live.TUNING)}
     configure_as(board, quantise(tuning), period_us=tuning.period_us, **words)
-    live.Coupling(board.machine, plant)
+    live.couple(board.machine, plant)
     board.machine.advance_us(FOUND_US)
     return HeldBoard(board, hand)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
-from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.boards.contract import Answer, RawCounts, Setpoints, StepBoard, StepOutput, Stepper
 from plumb.contract import run_fixed
 from plumb.spec.records import Words
 from plumb.systems.tasks import KINDS, Task
@@ -57,7 +57,7 @@ class InProcessParts:
         """Does nothing: the run holds no resources."""
 
 
-class InProcessBoard(Board, ABC):
+class InProcessBoard(StepBoard, ABC):
     """A subclass says how to run a single step, a whole run, a run whose parameters change, and a task other than
     steps."""
 

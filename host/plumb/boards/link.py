@@ -6,7 +6,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from plumb import systems
-from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.boards.contract import Answer, RawCounts, Setpoints, StepBoard, StepOutput, Stepper
 from plumb.contract.scenario import System
 from plumb.errors import UsageError
 from plumb.link.endpoint_names import CanName, SerialName
@@ -61,7 +61,7 @@ class LinkParts:
         self._session.end()
 
 
-class LinkBoard(Board):
+class LinkBoard(StepBoard):
     """A board over an open session, which it owns and closes."""
 
     def __init__(self, name: str, session: Session) -> None:

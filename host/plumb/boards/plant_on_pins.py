@@ -36,7 +36,7 @@ def coupler(system: str, plant: Plant) -> Callable[[Machine], None]:
     pins = systems.load(system, PINS)
 
     def couple(machine: Machine) -> None:
-        pins.Coupling(machine, plant)
+        pins.couple(machine, plant)
 
     return couple
 
@@ -62,7 +62,7 @@ def show(board: SimulatedBoard, name: str, scenario: str | None, seed: int, *, o
     chosen, plant = plant_of(name, scenario, seed, open_loop=open_loop)
     params = quantise(fitted(chosen, system.TUNINGS[live.TUNING]))
     configure_as(board, params, period_us=chosen.period_us, **link_words(system, chosen))
-    live.Coupling(board.machine, plant)
+    live.couple(board.machine, plant)
     board.machine.advance_us(FOUND_US)
 
 
@@ -82,7 +82,7 @@ class PlantOfRuns:
             show(board, self._system, self._scenario, self._seed, open_loop=self._open_loop)
             return
         _, plant = plant_of(self._system, self._scenario, self._seed, open_loop=self._open_loop)
-        systems.load(self._system, PINS).Coupling(board.machine, plant)
+        systems.load(self._system, PINS).couple(board.machine, plant)
         board.machine.advance_us(FOUND_US)
 
 

@@ -50,7 +50,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, Stepper
+from plumb.boards.contract import Answer, RawCounts, Setpoints, StepBoard, Stepper
 from plumb.errors import LinkError, UsageError
 from plumb.spec.records import RECORDS, Words
 from plumb.systems.tasks import KINDS, Task
@@ -118,7 +118,7 @@ def _table(key: str, params: ControlParams) -> str:
     return " ".join([key, *map(str, params.words())])
 
 
-class ProgramBoard(Board):
+class ProgramBoard(StepBoard):
     """The board that runs each vector in a process of its own. command: the program and its arguments."""
 
     name = "program"

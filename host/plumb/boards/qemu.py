@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, Stepper
+from plumb.boards.contract import Answer, RawCounts, Setpoints, StepBoard, Stepper
 from plumb.checkout import CHECKOUT
 from plumb.contract.run_fixed import check_inputs, parts_of
 from plumb.errors import LinkError, UsageError
@@ -119,7 +119,7 @@ def _run(command: list[str], folder: Path, limit_s: float) -> int:
     return process.returncode
 
 
-class QemuBoard(Board):
+class QemuBoard(StepBoard):
     """The board that runs each vector in a QEMU process of its own. core: a key of MACHINES, "" for the default; image:
     the ELF file that it runs."""
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from plumb.boards.contract import Board
+    from plumb.boards.contract import StepBoard
     from plumb.boards.link import LinkBoard
 
 Options = argparse._ActionsContainer
@@ -323,7 +323,7 @@ def check_duration(seconds: float | None) -> None:
         raise UsageError(f"--seconds {seconds:g}: give a number greater than 0")
 
 
-def board_of(arguments: argparse.Namespace, board: str | None = None) -> Board:
+def board_of(arguments: argparse.Namespace, board: str | None = None) -> StepBoard:
     """The board that --board, --link and --image name; board: instead of --board. Raises UsageError, LinkError."""
     from plumb.boards import open_board
 

@@ -54,7 +54,7 @@ from plumb.cli import options, tune_vehicle
 if TYPE_CHECKING:
     from plumb.analyses.identification.loop_test import LoopRun
     from plumb.analyses.identification.pid_design import Wanted
-    from plumb.boards.contract import Board
+    from plumb.boards.contract import StepBoard
     from plumb.contract.parameters import ControlParams
     from plumb.proof.report import Plot, Table
     from plumb.proof.xy_plot import XyPlot
@@ -327,7 +327,7 @@ def require_consent(arguments: argparse.Namespace) -> None:
         )
 
 
-def simulated_test(arguments: argparse.Namespace, board: Board, params: ControlParams | None = None) -> LoopRun:
+def simulated_test(arguments: argparse.Namespace, board: StepBoard, params: ControlParams | None = None) -> LoopRun:
     """The test on the system's plant. params: None for those of --tuning."""
     from dataclasses import replace
 
@@ -356,7 +356,7 @@ def simulated_test(arguments: argparse.Namespace, board: Board, params: ControlP
     return loop_test.on_link(board, params, excited, arguments.periods, settings.settle_s)
 
 
-def machine_test(arguments: argparse.Namespace, board: Board) -> LoopRun:
+def machine_test(arguments: argparse.Namespace, board: StepBoard) -> LoopRun:
     """The test on a real board, with the parameters that it has."""
     from plumb.analyses.identification import loop_test, plant_fit
     from plumb.boards.link import LinkBoard

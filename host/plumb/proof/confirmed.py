@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plumb import systems
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.boards.native import NativeBoard
 from plumb.contract.parameters import quantise
 from plumb.contract.scenario import fitted, tuning_for
@@ -37,7 +37,7 @@ class Confirmation:
         return f"{run:<44} {self.differ} of {self.steps} steps differ"
 
 
-def confirm(board: Board, name: str, seed: int = SEED, seconds: float | None = None) -> Iterator[Confirmation]:
+def confirm(board: StepBoard, name: str, seed: int = SEED, seconds: float | None = None) -> Iterator[Confirmation]:
     """Run everything of a system, and yield each result when it is ready. seconds: limit for the length of each run;
     None: the scenario's own length."""
     system, native = systems.load(name), NativeBoard()

@@ -18,7 +18,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from plumb.boards import native_core
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.boards.tasks import RunsTasks
 from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.contract import run_fixed
@@ -166,7 +166,7 @@ def takes(name: BoardName, case: Case) -> bool:
 
 
 def check(
-    board: Board, folder: Path, systems: Sequence[str] | None = None, chosen: Sequence[Case] | None = None
+    board: StepBoard, folder: Path, systems: Sequence[str] | None = None, chosen: Sequence[Case] | None = None
 ) -> Result:
     """Runs the vectors on a board and compares every step's digest with the one in the file.
 
@@ -178,14 +178,14 @@ def check(
     return result
 
 
-def check_each(board: Board, board_name: str, every: Sequence[Case]) -> Iterator[VectorResult]:
+def check_each(board: StepBoard, board_name: str, every: Sequence[Case]) -> Iterator[VectorResult]:
     """The result of each vector that the board runs, as soon as it is ready. board_name: as the user named the
     board."""
     for case in tqdm(cases_for(board.name, every), disable=None, leave=False, unit="vector", desc=board.name):
         yield check_vector(board, board_name, case)
 
 
-def check_vector(board: Board, board_name: str, case: Case) -> VectorResult:
+def check_vector(board: StepBoard, board_name: str, case: Case) -> VectorResult:
     """Runs one vector on a board, and traces the first difference down to its signal."""
     vector, start_s = case.vector, time.monotonic()
     if vector.task is None:

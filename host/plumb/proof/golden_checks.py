@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.errors import LinkError, UsageError
 from plumb.files import whole_files
 from plumb.proof import golden
@@ -54,7 +54,11 @@ class Checks:
 
 
 def check_boards(
-    open_board: Callable[[str], Board], boards: Iterable[str], cases: Sequence[golden.Case], *, windows: bool = False
+    open_board: Callable[[str], StepBoard],
+    boards: Iterable[str],
+    cases: Sequence[golden.Case],
+    *,
+    windows: bool = False,
 ) -> Checks:
     """Every board runs the cases that it supports. windows: also gather the steps around each first divergence.
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from plumb.boards import native_core
-from plumb.boards.contract import Answer, Board
+from plumb.boards.contract import Answer, StepBoard
 from plumb.boards.tasks import RunsTasks
 from plumb.contract import run_fixed
 from plumb.proof.compare import Divergence, divergence_at, first_digest_divergence, first_divergence
@@ -22,7 +22,7 @@ from plumb.spec.records import Words
 from plumb.systems import run_tasks
 
 
-def trace(board: Board, entry: Entry, vector: Vector, answer: Answer) -> Divergence | None:
+def trace(board: StepBoard, entry: Entry, vector: Vector, answer: Answer) -> Divergence | None:
     """The first difference between a vector and a board's answer, None when there is none. entry: its recipe."""
     compared = slice(0, answer.unverified_from)
     step = first_digest_divergence(vector.digests[compared], answer.digests[compared])

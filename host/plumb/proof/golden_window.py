@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from plumb.boards.contract import Board, GivesWordsOfSteps
+from plumb.boards.contract import GivesWordsOfSteps, StepBoard
 from plumb.contract import run_fixed
 from plumb.proof.golden_file import Vector
 from plumb.proof.golden_result import VectorResult
@@ -37,7 +37,7 @@ class Window:
         return self.first + len(self.expected)
 
 
-def window(board: Board, board_name: str, vector: Vector, result: VectorResult) -> Window | None:
+def window(board: StepBoard, board_name: str, vector: Vector, result: VectorResult) -> Window | None:
     """Runs the board again up to a little after the difference. None when the board does not differ: its answers
     were lost, the vector's file is wrong, or it is not a vector of steps."""
     found = result.first_divergence
@@ -58,7 +58,7 @@ def window(board: Board, board_name: str, vector: Vector, result: VectorResult) 
     return Window(board_name, result, signal, unit, first, expected, actual + [None] * (end - first - len(actual)))
 
 
-def _words_between(board: Board, vector: Vector, first: int, end: int) -> Words | None:
+def _words_between(board: StepBoard, vector: Vector, first: int, end: int) -> Words | None:
     if isinstance(board, GivesWordsOfSteps):
         return board.words_of_steps(vector.params, vector.raw, vector.setpoint, first, end)
     words = board.run_injected(vector.params, vector.raw[:end], vector.setpoint[:end]).words

@@ -56,7 +56,7 @@ def run_live(
         words |= {"receiver": crsf.IN_USE, **calibrated_words(params.system)}
     session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **words)
     plant = system.plant(scenario, open_loop=open_loop)
-    coupling = live.Coupling(board.machine, plant)
+    coupling = live.couple(board.machine, plant)
     pilot = PilotOnLine(board.machine, plant, coupling, params.system, scenario.period_us) if piloted else None
     board.machine.advance_us(FOUND_US)
     changing = GainChanges(session, gains, params.period_s, steps)

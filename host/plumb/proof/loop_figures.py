@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.proof.figures import Figure, Sense
 from plumb.spec import declarations
 from plumb.spec.system_parts import Part
@@ -29,7 +29,7 @@ class SweptLoops(Protocol):
     def HOW(self) -> str:
         """How they are swept, one sentence."""
 
-    def margins_on(self, board: Board, /) -> Mapping[str, Margins]:
+    def margins_on(self, board: StepBoard, /) -> Mapping[str, Margins]:
         """Loop -> its margins."""
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.boards.link import LinkBoard
 from plumb.boards.native import NativeBoard
 from plumb.boards.qemu import QemuBoard
@@ -62,7 +62,7 @@ def image_of(path: Path, data: bytes | None = None) -> dict[str, object]:
     }
 
 
-def part_of(board: Board) -> dict[str, object]:
+def part_of(board: StepBoard) -> dict[str, object]:
     """Identity of the board that ran the steps, its image, and its own report; {} where a part is unknown."""
     found: dict[str, object] = {"board": board.name}
     if isinstance(board, NativeBoard):

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from plumb import systems
-from plumb.boards.contract import Answer, Board, ChangesParameters, KeepsTime, RawCounts, Setpoints
+from plumb.boards.contract import Answer, ChangesParameters, KeepsTime, RawCounts, Setpoints, StepBoard
 from plumb.contract import run_fixed, run_reference
 from plumb.contract.parameters import Changes, ControlParams
 from plumb.contract.scenario import Scenario
@@ -158,7 +158,7 @@ class Run:
         return {**heading, **tail}
 
 
-def open_loop(board: Board, inputs: RunInputs, params: ControlParams, changes: Changes = ()) -> Run:
+def open_loop(board: StepBoard, inputs: RunInputs, params: ControlParams, changes: Changes = ()) -> Run:
     """Run these inputs in lockstep. changes: of the parameters during the run; a board that does not accept them in
     lockstep runs in real time if it is a `KeepsTime`, else it runs only the steps before the first change."""
     if not changes:
@@ -170,7 +170,7 @@ def open_loop(board: Board, inputs: RunInputs, params: ControlParams, changes: C
     return judge(board, inputs, params, answer, changes)
 
 
-def _across_changes(board: Board, inputs: RunInputs, params: ControlParams, changes: Changes) -> Answer:
+def _across_changes(board: StepBoard, inputs: RunInputs, params: ControlParams, changes: Changes) -> Answer:
     """The answer of a board that accepts no changes in lockstep: at least to the steps before the first change."""
     first, why = changes[0].step, f"{board.name} takes no other parameters in lockstep; native, fixed and qemu do"
     if isinstance(board, KeepsTime):
@@ -182,7 +182,7 @@ def _across_changes(board: Board, inputs: RunInputs, params: ControlParams, chan
     return Answer(before.digests, None, first, why)
 
 
-def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
+def closed_loop(board: StepBoard, scenario: Scenario, params: ControlParams) -> Run:
     """Run in closed loop: the controller on the board, the plant on the host; the outputs of a step drive the plant
     until the next sample."""
     inputs, answer = closed_loop_inputs(board, scenario, params)
@@ -190,7 +190,7 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
 
 
 def closed_loop_inputs(
-    board: Board, scenario: Scenario, params: ControlParams, *, progress: bool = True
+    board: StepBoard, scenario: Scenario, params: ControlParams, *, progress: bool = True
 ) -> tuple[RunInputs, Answer]:
     """The inputs from the plant in a closed loop, and the answer of the board. progress: shown on a terminal."""
     from tqdm import tqdm
@@ -219,7 +219,9 @@ def columns(rows: Sequence[dict[str, float]]) -> dict[str, FloatArray]:
     return {name: np.array([row[name] for row in rows], np.float64) for name in (rows[0] if rows else ())}
 
 
-def judge(board: Board | None, inputs: RunInputs, params: ControlParams, answer: Answer, changes: Changes = ()) -> Run:
+def judge(
+    board: StepBoard | None, inputs: RunInputs, params: ControlParams, answer: Answer, changes: Changes = ()
+) -> Run:
     """Compare an answer with the model; if they differ, find the first step and signal. board: None when it is gone; a
     difference is then known by its digest alone."""
     words = run_fixed.run_changed(params, changes, inputs.raw, inputs.setpoint)

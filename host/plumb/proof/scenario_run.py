@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from plumb import systems
 from plumb.boards import open_board
-from plumb.boards.contract import Board, SimulatedBoard
+from plumb.boards.contract import SimulatedBoard, StepBoard
 from plumb.boards.qemu import QemuBoard
 from plumb.contract import disturbance
 from plumb.contract.parameters import ControlParams, quantise
@@ -106,7 +106,7 @@ def check(request: RunRequest) -> None:
         gain_changes.parse(text)
 
 
-def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
+def perform(request: RunRequest, opened: StepBoard | None = None) -> ScenarioRun:
     """Open the board, run the scenario, compare every step with the model. opened: the board, where it is open; it
     stays open.
 
@@ -177,7 +177,7 @@ def _quantised(tuning: Hashable) -> ControlParams:
     return quantise(cast(AnyTuning, tuning))
 
 
-def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlParams, closes: bool) -> Run:
+def _run(board: StepBoard, request: RunRequest, scenario: Scenario, params: ControlParams, closes: bool) -> Run:
     """Run live on the board's own sensors, in open loop, or in closed loop. `qemu` runs whole vectors only: the native
     core closes the loop, then QEMU runs the same inputs."""
     if request.live:

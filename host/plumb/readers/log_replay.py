@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.contract.parameters import Changes
 from plumb.errors import UnverifiedError, UsageError
 from plumb.link import foreign_frames
@@ -237,7 +237,9 @@ class Reproduction(ScenarioRun):
         return {**said, "verdict": self.verdict, "bit_exact": exact, "recorded": of_recording}
 
 
-def reproduce(recorded: RecordedRun, board: Board, name: str, link: str | None, seconds: float | None) -> Reproduction:
+def reproduce(
+    recorded: RecordedRun, board: StepBoard, name: str, link: str | None, seconds: float | None
+) -> Reproduction:
     """Run the recorded counts on a board. name, link: of the board, for the summary; seconds: of the beginning only.
 
     Raises UsageError for a run of which no step is known.
@@ -271,7 +273,7 @@ def reproduce(recorded: RecordedRun, board: Board, name: str, link: str | None, 
     return Reproduction(result, heading, recorded, compared, changes, long)
 
 
-def _begin_of(recorded: RecordedRun, steps: int, board: Board) -> tuple[Run, Steps]:
+def _begin_of(recorded: RecordedRun, steps: int, board: StepBoard) -> tuple[Run, Steps]:
     """The first steps of a recorded run on a board, with the words of all of them."""
     params, begin = recorded.used.params, recorded.run.first_steps(steps).together
     inputs = RunInputs(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards.contract import Board, ChangesParameters, PartRunner, RunsInParts
+from plumb.boards.contract import ChangesParameters, PartRunner, RunsInParts, StepBoard
 from plumb.contract import run_fixed
 from plumb.contract.parameters import Change, Changes, ControlParams
 from plumb.proof.compare import Divergence
@@ -63,7 +63,7 @@ class LongReplay:
     why: str = ""
 
 
-def replay_long(run: LoggedRun, steps: int, params: ControlParams, changes: Changes, board: Board) -> LongReplay:
+def replay_long(run: LoggedRun, steps: int, params: ControlParams, changes: Changes, board: StepBoard) -> LongReplay:
     """Run the first `steps` steps of a recorded run on the model and on a board."""
     from tqdm import tqdm
 
@@ -104,7 +104,7 @@ def pieces_between(part: Steps, left: list[Change]) -> Iterator[slice | ControlP
 
 
 def _answers(
-    found: LongReplay, run: LoggedRun, steps: int, params: ControlParams, changes: Changes, board: Board
+    found: LongReplay, run: LoggedRun, steps: int, params: ControlParams, changes: Changes, board: StepBoard
 ) -> Generator[Digests]:
     """The digests of a board for each part of the run; fewer, or none, where it did not run the steps."""
     if changes and not isinstance(board, ChangesParameters):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from plumb import systems
-from plumb.boards.contract import Board
+from plumb.boards.contract import StepBoard
 from plumb.contract.parameters import ControlParams
 from plumb.proof import runs
 from plumb.proof.report import Statement
@@ -82,7 +82,7 @@ class Replay:
         """What the verdict over this recording does not say."""
         return UNITS
 
-    def run(self, board: Board, name: str, link: str | None) -> ScenarioRun:
+    def run(self, board: StepBoard, name: str, link: str | None) -> ScenarioRun:
         """Run the inputs in lockstep and compare every step with the model. name, link: board and link for the
         summary."""
         result = runs.open_loop(board, self.inputs, self.params)

@@ -45,7 +45,7 @@ class Pins(Protocol):
     """pins.py: a system on the pins of the virtual board."""
 
     @property
-    def Coupling(self) -> Couple: ...
+    def couple(self) -> Couple: ...
 
     @property
     def FRAMES(self) -> tuple[str, ...]:

@@ -13,14 +13,14 @@ OVER_STEPS, OVER_LIMIT = 3, 1000
 
 
 @dataclass(slots=True)
-class ControlState:
+class CurrentState:
     integral_q30: int = 0
     over_steps: int = 0
     step: int = 0
 
 
-def control_init(p: Params) -> ControlState:
-    return ControlState()
+def control_init(p: Params) -> CurrentState:
+    return CurrentState()
 
 
 def control_valid(p: Params) -> bool:
@@ -35,7 +35,7 @@ def control_valid(p: Params) -> bool:
     return all(low <= p[f"current.{name}"] <= high for name, (low, high) in ranges.items())
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
+def control_step(c: CurrentState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step: the values of its words, in the written order."""
     c.step += 1
     used, most = clamp(raw[0], 0, COUNT_MAX), p["current.duty_max_q15"]

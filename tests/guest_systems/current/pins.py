@@ -20,7 +20,7 @@ FOLLOW_US = 1000
 VOLTS_PER_COUNT = 3.3 / 4096
 
 
-class Coupling:
+class CurrentCoupling:
     """The plant's time 0 is the first sample. taken: the samples of PA0."""
 
     def __init__(self, machine: Machine, plant: Plant) -> None:
@@ -55,3 +55,6 @@ class Coupling:
         share = share_of_supply(bridge.duty, 0.0) if bridge.enabled else 0.0
         self.plant.drive_to(self._time_s(now / TICKS_PER_S), share)
         self.machine.timeline.at("plant", now + FOLLOW_US * TICKS_PER_US, self._follow)
+
+
+couple = CurrentCoupling

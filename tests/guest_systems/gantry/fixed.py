@@ -14,20 +14,20 @@ Y, Z_LOW, Z_HIGH = range(6, 9)
 
 
 @dataclass(slots=True)
-class ControlState:
+class GantryState:
     path: list[int] = field(default_factory=lambda: [0, 0, 0])
     step: int = 0
 
 
-def control_init(p: Params) -> ControlState:
-    return ControlState()
+def control_init(p: Params) -> GantryState:
+    return GantryState()
 
 
 def control_valid(p: Params) -> bool:
     return bool(1 <= p["gantry.step_counts"] <= 32767)
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
+def control_step(c: GantryState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step: the values of its words, in the written order."""
     c.step += 1
     asked = (setpoint, raw[Y], wrap_i32((raw[Z_HIGH] << 16) + (raw[Z_LOW] & 0xFFFF)))

@@ -12,7 +12,7 @@ COUNT_MAX, WHOLE_Q30, OUT_MAX = 4095, 1 << 30, 1 << 26
 
 
 @dataclass(slots=True)
-class ControlState:
+class NotchState:
     in_1: int = 0
     in_2: int = 0
     out_1: int = 0
@@ -20,15 +20,15 @@ class ControlState:
     step: int = 0
 
 
-def control_init(p: Params) -> ControlState:
-    return ControlState()
+def control_init(p: Params) -> NotchState:
+    return NotchState()
 
 
 def control_valid(p: Params) -> bool:
     return bool(0 <= p["notch.b0_q30"] <= WHOLE_Q30 and -WHOLE_Q30 < p["notch.a2_q30"] < WHOLE_Q30)
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
+def control_step(c: NotchState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step: the values of its words, in the written order."""
     c.step += 1
     count = clamp(raw[0], 0, COUNT_MAX)

@@ -13,14 +13,14 @@ GAIN, HEADING_LOW, HEADING_HIGH, TRIM, HOLD, MODE = range(9, 15)
 
 
 @dataclass(slots=True)
-class ControlState:
+class ToyState:
     filtered_counts_q16: int = 0
     clamped_steps: int = 0
     step: int = 0
 
 
-def control_init(p: Params) -> ControlState:
-    return ControlState()
+def control_init(p: Params) -> ToyState:
+    return ToyState()
 
 
 def control_valid(p: Params) -> bool:
@@ -28,7 +28,7 @@ def control_valid(p: Params) -> bool:
     return bool(p["toy.dt_s_q32"] >= 1 and 0 <= p["toy.raw_max"] <= 32767 and 1 <= p["toy.share_q16"] <= 65536)
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
+def control_step(c: ToyState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step: the values of its words, in the written order."""
     c.step += 1
     used = clamp(raw[0], 0, p["toy.raw_max"])

@@ -14,7 +14,7 @@ FRAMES = ("RAW_A", "RAW_B", "RAW_C", "RAW_D", "RAW_E", "TOY_LEVEL")
 VOLTS_PER_COUNT = 3.3 / 4096
 
 
-class Coupling:
+class ToyCoupling:
     """The plant's time 0 is the first sample. taken: the samples of PA0; the other scans of a period are none."""
 
     def __init__(self, machine: Machine, plant: Plant) -> None:
@@ -39,3 +39,6 @@ class Coupling:
             self._start_s = now_s + self._scans.until_sample_s()
         if self._scans.is_sample:
             self.taken.append(Conversion(now_s, self._count(now_s), self._plant.truth(self._time_s(now_s))))
+
+
+couple = ToyCoupling

@@ -14,7 +14,7 @@ from plumb import systems
 from plumb.analyses.identification.plant_fit import Excitation, Measurement
 from plumb.analyses.identification.tested_loop import Gains, TestedLoop, loop_of, signals_of
 from plumb.boards import plant_on_pins
-from plumb.boards.contract import Board, RawCounts, Setpoints, SimulatedBoard
+from plumb.boards.contract import RawCounts, Setpoints, SimulatedBoard, StepBoard
 from plumb.boards.link import LinkBoard
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams
@@ -93,7 +93,7 @@ def schedule(excited: Excitation, settle_s: float, periods: int) -> tuple[FloatA
 
 
 def on_twin(
-    board: Board, params: ControlParams, excited: Excitation, periods: int, seed: int, axis: str | None = None
+    board: StepBoard, params: ControlParams, excited: Excitation, periods: int, seed: int, axis: str | None = None
 ) -> LoopRun:
     """In lockstep with the system's plant on the host."""
     from tqdm import tqdm
@@ -135,7 +135,7 @@ def attach_plant(board: LinkBoard, params: ControlParams, excited: Excitation, p
     asked, _ = schedule(excited, tested.settle_s, periods)
     seconds, period_us = len(asked) * excited.period_s, round(excited.period_s * 1e6)
     plant_on_pins.configure_as(board, params, period_us=period_us, arm_hold_ms=0, **system.LINK)
-    systems.load(params.system, PINS).Coupling(board.machine, tested.plant(seed, seconds + 2.0))
+    systems.load(params.system, PINS).couple(board.machine, tested.plant(seed, seconds + 2.0))
     board.machine.advance_us(plant_on_pins.FOUND_US)
 
 

@@ -86,7 +86,7 @@ class VirtualSteered:
 
         machine = self._virtual.machine
         machine.i2c_bus.slaves.clear()
-        systems.load(self._system, PINS).Coupling(machine, vehicle)
+        systems.load(self._system, PINS).couple(machine, vehicle)
         self._begin_s = machine.now_s
         machine.advance_us(FOUND_US)
 

@@ -40,7 +40,7 @@ class Float64:
 
     def __init__(self, tuning: BalancerTuning) -> None:
         self.tuning, self.wheel = tuning, reference_balancer.WheelState()
-        self.state = reference_balancer.ControlState(reference_kernels.kalman_init(tuning.start))
+        self.state = reference_balancer.BalancerReferenceState(reference_kernels.kalman_init(tuning.start))
 
     def step(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
         tuning, axis = self.tuning, self.tuning.calibration

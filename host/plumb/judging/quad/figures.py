@@ -271,7 +271,7 @@ class Float64:
     """`plumb.contract.run_reference`, from counts to pulses in us."""
 
     def __init__(self, tuning: QuadTuning) -> None:
-        self.tuning, self.state = tuning, reference_quad.ControlState(reference_kernels.kalman_init(tuning.start))
+        self.tuning, self.state = tuning, reference_quad.QuadReferenceState(reference_kernels.kalman_init(tuning.start))
 
     def pulses_us(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
         tuning, channels = self.tuning, self.tuning.calibration

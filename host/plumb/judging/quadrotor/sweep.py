@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumb.boards.contract import Board, Stepper
+from plumb.boards.contract import StepBoard, Stepper
 from plumb.contract.parameters import quantise
 from plumb.judging.quadrotor.loops import AMPLITUDE, HIGH_HZ, LOW_HZ, PATTERNS
 from plumb.proof.loop_sweep import sines, swept
@@ -48,7 +48,7 @@ class Hovering:
 
 
 def swept_on(
-    board: Board,
+    board: StepBoard,
     axis: str,
     frequencies: FloatArray = HZ,
     tuning: QuadrotorTuning = quadrotor.HUMMINGBIRD,
@@ -64,6 +64,6 @@ def swept_on(
     )  # fmt: skip
 
 
-def margins_on(board: Board) -> Mapping[str, Margins]:
+def margins_on(board: StepBoard) -> Mapping[str, Margins]:
     """Of the loop of each axis."""
     return {axis: nearest_margins(HZ, swept_on(board, axis)) for axis in PATTERNS}

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumb.boards.contract import Board, Stepper
+from plumb.boards.contract import StepBoard, Stepper
 from plumb.contract.parameters import quantise
 from plumb.proof.loop_sweep import sines, swept
 from plumb.spec.arrays import FloatArray
@@ -71,7 +71,7 @@ def straight_ahead(tuning: WheelsTuning, seed: int, seconds: float, supply: floa
 
 
 def swept_on(
-    board: Board, loop: str, supply: float, frequencies: FloatArray = HZ, tuning: WheelsTuning = wheels.STEERED
+    board: StepBoard, loop: str, supply: float, frequencies: FloatArray = HZ, tuning: WheelsTuning = wheels.STEERED
 ) -> Response:
     """Gain of a loop at these frequencies. supply: battery by its nominal voltage."""
     plan = sines(AMPLITUDE[loop], frequencies, BEGINS_S)
@@ -80,7 +80,7 @@ def swept_on(
     return swept(Rolling(WheelsPlant(run), stepper, PATTERNS[loop]), plan, run.steps, tuning.period_s)
 
 
-def margins_on(board: Board) -> Mapping[str, Margins]:
+def margins_on(board: StepBoard) -> Mapping[str, Margins]:
     """Of each loop at both ends of the battery."""
     return {
         f"{loop}, battery {supply:g}": nearest_margins(HZ, swept_on(board, loop, supply))

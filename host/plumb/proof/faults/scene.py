@@ -297,7 +297,7 @@ def driving(
         session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **given)
         if changes:
             parameter_table.commit(session, {**by_name(parameter_table.read_table(session)), **changes})
-        coupling = parts.Coupling(board.machine, system.plant(scenario))
+        coupling = parts.couple(board.machine, system.plant(scenario))
         scene = Scene(name, link, board, coupling, image)
         board.machine.uart.timeout = LISTEN_S
         board.machine.advance_us(plant_on_pins.FOUND_US)

@@ -21,7 +21,7 @@ from plumb.systems.attitude.fixed_state import (
     MISSING,
     SIXTH_Q32,
     SLICE_NONE,
-    ControlState,
+    AttitudeState,
     control_init,
 )
 from plumb.systems.attitude.fixed_turns import align, matrix_of, turn_body
@@ -45,7 +45,7 @@ def sense(p: Params, group: str, raw: Sequence[int]) -> tuple[tuple[int, int, in
     return mounted, clamped or limited
 
 
-def corrected(c: ControlState, axis: int, rate_q28: int) -> int:
+def corrected(c: AttitudeState, axis: int, rate_q28: int) -> int:
     """Rate of one axis, less bias and scale error."""
     return rate_q28 - (c.bias_turnps_q32[axis] >> 4) - mulhi_i32(c.scale_q32[axis], rate_q28)
 
@@ -55,7 +55,7 @@ def half_angle(rate_q28: int, per_rate: int) -> int:
     return clamp(mulhi_i32(rate_q28, per_rate), -HALF_LIMIT_Q30, HALF_LIMIT_Q30) * 4
 
 
-def take_sample(c: ControlState, p: Params, raw: Sequence[int]) -> int:
+def take_sample(c: AttitudeState, p: Params, raw: Sequence[int]) -> int:
     """Rate and acceleration of a sample, in body axes; returns flags."""
     (rx, ry, rz), gyro_clipped = sense(p, "gyro", raw[:3])
     (ax, ay, az), accel_clipped = sense(p, "accel", raw[3:])
@@ -75,7 +75,7 @@ def add_row(rows: list[int], turned: list[int], m: Sequence[int], half: Sequence
         turned[j] += mulhi_i32(m[j], half[j]) >> 2
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
+def control_step(c: AttitudeState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step; returns the values of the record's words, in order."""
     c.thrust_q15 = setpoint
     c.step += 1

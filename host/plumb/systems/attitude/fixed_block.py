@@ -26,7 +26,7 @@ from plumb.systems.attitude.fixed_state import (
     SLICE_NONE,
     SLICE_TILT_X,
     UNSURE,
-    ControlState,
+    AttitudeState,
     clear_sums,
     forget,
     start,
@@ -52,7 +52,7 @@ CORRECTED_Q26 = 1 << 25
 JUDGED = UNSURE | ACCELERATING
 
 
-def correct(c: ControlState) -> None:
+def correct(c: AttitudeState) -> None:
     """Apply the corrections of the block before the last one, propagated over the last block, to the state."""
     by = c.errors.correction_q28
     error_filter.predict(c.errors)
@@ -68,7 +68,7 @@ def correct(c: ControlState) -> None:
         c.velocity_gs_q28[i] = sat_i32(c.velocity_gs_q28[i] + 2 * by[VELOCITY + i])
 
 
-def tilted_at_rest(c: ControlState, p: Params) -> bool:
+def tilted_at_rest(c: AttitudeState, p: Params) -> bool:
     """True for an acceleration of 1 g that is well off the vertical."""
     square_q16 = mean_g_q24 = 0
     for force in c.force_before_q18:
@@ -77,7 +77,7 @@ def tilted_at_rest(c: ControlState, p: Params) -> bool:
     return LEAST_REST_Q16 < wrap_u32(square_q16) < MOST_REST_Q16 and mean_g_q24 < TILTED_Q24
 
 
-def doubt(c: ControlState, p: Params, square_q24: int, lasting_q24: int) -> None:
+def doubt(c: AttitudeState, p: Params, square_q24: int, lasting_q24: int) -> None:
     """Propagate the covariance of the velocity for the first time; unless the vertical is lost."""
     up_g_q18 = mulhi_i32(c.force_before_q18[2], p["attitude.inverse_block_q32"])
     risen_g_q18 = mulhi_near((1 << 18) - up_g_q18 - c.rise_g_q18, p["attitude.travel_pass_q32"])
@@ -97,7 +97,7 @@ def doubt(c: ControlState, p: Params, square_q24: int, lasting_q24: int) -> None
         error_filter.grow_velocity(c.errors)
 
 
-def judge(c: ControlState, p: Params) -> None:
+def judge(c: AttitudeState, p: Params) -> None:
     """Judge the velocity of a block: how far it may be taken for zero, and whether the attitude is lost."""
     hold_q32 = mulhi_i32(p["attitude.travel_pass_q32"], HOLD_Q32)
     square_q24 = off_square_q24 = corrected_q20 = 0
@@ -142,7 +142,7 @@ def judge(c: ControlState, p: Params) -> None:
     doubt(c, p, square_q24, lasting_q24)
 
 
-def compute_slice(c: ControlState, p: Params) -> bool:
+def compute_slice(c: AttitudeState, p: Params) -> bool:
     """Compute one slice of the last block; returns true when it has turned the attitude."""
     now = c.slice
     measured = 5 if c.block_flags & REST else 2
@@ -175,7 +175,7 @@ def gained(force_sum_q18: int, dt_s_q33: int) -> int:
     return sat_i32((force_sum_q18 * dt_s_q33) >> 23)
 
 
-def tilt_growth(c: ControlState, p: Params) -> int:
+def tilt_growth(c: AttitudeState, p: Params) -> int:
     """Growth of the tilt's variance in a block, rad^2 Q32."""
     lasting_q24 = max(travel_square(c) - (p["attitude.speed_min"] >> 2), 0)
     by_turn = p["attitude.q_turn_q24"]
@@ -187,7 +187,7 @@ def tilt_growth(c: ControlState, p: Params) -> int:
     return min(growth, VARIANCE_LIMIT_Q32)
 
 
-def close_block(c: ControlState, p: Params) -> bool:
+def close_block(c: AttitudeState, p: Params) -> bool:
     """The last step of a block: its sums become the coupling of tilt and gyro, a velocity, and the inputs of the slices
     of the next block. Returns true when it has turned the attitude."""
     dt = p["attitude.dt_s_q33"]
@@ -219,7 +219,7 @@ def close_block(c: ControlState, p: Params) -> bool:
     return aligning
 
 
-def align_block(c: ControlState, gains: list[int], gain_up: int) -> int:
+def align_block(c: AttitudeState, gains: list[int], gain_up: int) -> int:
     """The vertical is the mean of all samples so far; returns flags. The first correction keeps the velocity
     upwards."""
     x, y = sat_i32(c.velocity_gs_q28[0] + gains[0]), sat_i32(c.velocity_gs_q28[1] + gains[1])
@@ -234,7 +234,7 @@ def align_block(c: ControlState, gains: list[int], gain_up: int) -> int:
     return UNSURE | ALIGNING
 
 
-def measure_block(c: ControlState, p: Params, gains: list[int]) -> int:
+def measure_block(c: AttitudeState, p: Params, gains: list[int]) -> int:
     """Coupling, lever, velocity and growth of a block; returns flags."""
     dt = p["attitude.dt_s_q33"]
     time_q32 = (p["attitude.block_steps"] * dt) >> 1

@@ -18,7 +18,7 @@ from plumb.systems.attitude.fixed_state import (
     MISSING,
     SIXTH_Q32,
     VELOCITY_ADDED_Q26,
-    ControlState,
+    AttitudeState,
 )
 from plumb.systems.attitude.fixed_turns import turn_body
 
@@ -31,7 +31,7 @@ def along(row: Sequence[int], x: int, y: int, z: int) -> int:
     return mulhi_i32(row[0], x) + mulhi_i32(row[1], y) + mulhi_i32(row[2], z)
 
 
-def bridge(c: ControlState, p: Params, half: Sequence[int]) -> list[int]:
+def bridge(c: AttitudeState, p: Params, half: Sequence[int]) -> list[int]:
     """Bridge a gap at its next sample; returns the acceleration that the gap adds, g Q20, body axes."""
     steps = c.gap_steps
     c.gap_steps = 0
@@ -55,7 +55,7 @@ def bridge(c: ControlState, p: Params, half: Sequence[int]) -> list[int]:
     return force_g_q20
 
 
-def add_force(c: ControlState, m: Sequence[Sequence[int]], force_g_q20: Sequence[int]) -> None:
+def add_force(c: AttitudeState, m: Sequence[Sequence[int]], force_g_q20: Sequence[int]) -> None:
     """Add the acceleration of a gap to the sums of the block."""
     for i in range(3):
         force_q18 = sat_i32(c.force_sum_q18[i] + along(m[i], *force_g_q20))
@@ -79,13 +79,13 @@ def unseen(
     return 0, slope, run**4 * slope
 
 
-def without_acceleration(c: ControlState) -> None:
+def without_acceleration(c: AttitudeState) -> None:
     """A sample with rates alone: 1 g upwards, and the velocity of the block is unknown."""
     c.accel_g_q25 = [value >> 5 for value in c.up_q30] if c.started else [0, 0, 0]
     c.velocity_added_q26 = VELOCITY_ADDED_Q26
 
 
-def count_clipped(c: ControlState, p: Params, raw: Sequence[int], flags: int, half: Sequence[int]) -> None:
+def count_clipped(c: AttitudeState, p: Params, raw: Sequence[int], flags: int, half: Sequence[int]) -> None:
     """Count samples at the limits, and at their end add the variance of the hidden part."""
     if flags == MISSING:
         return

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.integers import mulhi_i32, mulhi_near, wrap_i32
-from plumb.systems.attitude.fixed_state import LANDED_BLOCKS, ControlState
+from plumb.systems.attitude.fixed_state import LANDED_BLOCKS, AttitudeState
 from plumb.systems.attitude.fixed_travel import explained_q24, travels
 
 RISE_LIMIT_Q18, RISE_LEAST_Q18 = 157286, 2621
 RESTED, LEANS_SHIFT = 5, 14
 
 
-def note_turn(c: ControlState, p: Params) -> None:
+def note_turn(c: AttitudeState, p: Params) -> None:
     """How the last block has turned about horizontal axes, and whether the gyro alone has turned."""
     up_q18 = c.force_before_q18[2]
     by_q18, turn_q26 = [], 0
@@ -34,7 +34,7 @@ def note_turn(c: ControlState, p: Params) -> None:
     c.held_blocks = min(c.held_blocks + 1, p["attitude.rest_blocks"]) if held else 0
 
 
-def held_still(c: ControlState, p: Params) -> bool:
+def held_still(c: AttitudeState, p: Params) -> bool:
     """True when the gyro alone has turned for as long as a rest takes, although its bias was known, and the
     acceleration leans."""
     leans = abs(c.force_before_q18[0]) + abs(c.force_before_q18[1])
@@ -46,7 +46,7 @@ def held_still(c: ControlState, p: Params) -> bool:
     )
 
 
-def lost_in_motion(c: ControlState, p: Params, lasting_q24: int) -> bool:
+def lost_in_motion(c: AttitudeState, p: Params, lasting_q24: int) -> bool:
     """True when the vertical acceleration is too small for seconds; or a body that turns about horizontal axes has a
     lasting velocity, and its acceleration leans."""
     over_q24 = lasting_q24 - explained_q24(c) - (p["attitude.travel_least_q24"] >> 1)

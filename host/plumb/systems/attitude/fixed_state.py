@@ -32,7 +32,7 @@ def rows() -> list[list[int]]:
 
 
 @dataclass(slots=True)
-class ControlState:
+class AttitudeState:
     """Words of the record, then what else the next step needs."""
 
     rate_turnps_q28: list[int] = field(default_factory=zeros(3))
@@ -92,13 +92,13 @@ class ControlState:
     climb_gs_q28: int = 0
 
 
-def control_init(p: Params) -> ControlState:
-    c = ControlState(hover_q15=p["attitude.aid_hover_q15"])
+def control_init(p: Params) -> AttitudeState:
+    c = AttitudeState(hover_q15=p["attitude.aid_hover_q15"])
     start(c, p)
     return c
 
 
-def clear_sums(c: ControlState) -> None:
+def clear_sums(c: AttitudeState) -> None:
     """At the start of a block."""
     c.rows_sum_q22, c.turned_sum_q28 = rows(), rows()
     c.force_sum_q18, c.half_sum_q32 = [0, 0, 0], [0, 0, 0]
@@ -108,7 +108,7 @@ def clear_sums(c: ControlState) -> None:
     c.moved = False
 
 
-def forget(c: ControlState, p: Params, bias: int, tilt: int) -> None:
+def forget(c: AttitudeState, p: Params, bias: int, tilt: int) -> None:
     """Forget the velocity, and how well the errors are known: their variances become those of a start, of bias and tilt
     these."""
     c.velocity_gs_q28 = [0, 0]
@@ -122,7 +122,7 @@ def forget(c: ControlState, p: Params, bias: int, tilt: int) -> None:
     c.corrected_rad_q26 = [0, 0]
 
 
-def start(c: ControlState, p: Params) -> None:
+def start(c: AttitudeState, p: Params) -> None:
     """Restart the filter as before the first sample; the heading stays."""
     c.bias_turnps_q32, c.scale_q32 = [0, 0, 0], [0, 0, 0]
     c.block_flags = ALIGNING

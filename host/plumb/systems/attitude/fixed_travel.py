@@ -16,7 +16,7 @@ from plumb.systems.attitude.fixed_state import (
     MAYBE_LANDED_BLOCKS,
     VELOCITY_ADDED_Q26,
     VELOCITY_Q28,
-    ControlState,
+    AttitudeState,
 )
 
 TRAVELS_Q24 = 16777
@@ -35,23 +35,23 @@ def velocity_saturated(x: int) -> int:
     return clamp(x, -VELOCITY_Q28, VELOCITY_Q28 - 1)
 
 
-def travel_square(c: ControlState) -> int:
+def travel_square(c: AttitudeState) -> int:
     """Square of the lasting velocity, g^2 s^2 Q24; in flight of the lasting difference from the measured one."""
     x, y = c.travel_gs_q28
     return mulhi_i32(x, x) + mulhi_i32(y, y)
 
 
-def travels(c: ControlState) -> bool:
+def travels(c: AttitudeState) -> bool:
     """True when travel explains a lasting velocity."""
     return c.travel_excess_q24 > TRAVELS_Q24
 
 
-def explained_q24(c: ControlState) -> int:
+def explained_q24(c: AttitudeState) -> int:
     """Square of the velocity that the covariance explains."""
     return wrap_u32(c.errors.variance(VELOCITY) + c.errors.variance(VELOCITY + 1)) >> 6
 
 
-def travel_excess(c: ControlState, p: Params, lasting_q24: int, hold_q32: int) -> int:
+def travel_excess(c: AttitudeState, p: Params, lasting_q24: int, hold_q32: int) -> int:
     """Square of the lasting velocity above what the covariance and a body that stays in place explain."""
     excess = lasting_q24 - explained_q24(c) - p["attitude.travel_least_q24"]
     held = c.travel_excess_q24 - mulhi_near(c.travel_excess_q24, hold_q32) - 1
@@ -77,7 +77,7 @@ def inverse_cube_root_q14(x_q16: int) -> int:
     return y
 
 
-def learn_hover(c: ControlState, thrust_q15: int, square: int) -> None:
+def learn_hover(c: AttitudeState, thrust_q15: int, square: int) -> None:
     """Learn the thrust command of a hover, Q15, from a block in flight."""
     if square < FALLS_Q16 or square > HOVER_MOST_Q16 or thrust_q15 > THRUST_MOST_Q15:
         return
@@ -87,7 +87,7 @@ def learn_hover(c: ControlState, thrust_q15: int, square: int) -> None:
     c.hover_q15 = clamp(c.hover_q15 + ((off + 2) >> shift), HOVER_LOW_Q15, HOVER_HIGH_Q15)
 
 
-def follow_flight(c: ControlState, p: Params, block_s_q32: int) -> None:
+def follow_flight(c: AttitudeState, p: Params, block_s_q32: int) -> None:
     """Follow take-off and landing, once a block."""
     mean_g_q18 = [mulhi_i32(force, p["attitude.inverse_block_q32"]) for force in c.force_sum_q18]
     square = square_g2_q16(mean_g_q18)
@@ -124,7 +124,7 @@ def follow_flight(c: ControlState, p: Params, block_s_q32: int) -> None:
         learn_hover(c, thrust, square)
 
 
-def measure_velocity(c: ControlState, p: Params, gained: Sequence[int], block_s_q32: int) -> None:
+def measure_velocity(c: AttitudeState, p: Params, gained: Sequence[int], block_s_q32: int) -> None:
     """The velocity that the block is measured to end with: zero, or in flight that of the drag."""
     follow_flight(c, p, block_s_q32)
     if p["attitude.aid_s_q24"] == 0:

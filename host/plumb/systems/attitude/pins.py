@@ -29,7 +29,7 @@ class SensedBody(Protocol):
     def truth(self, time_s: float, /) -> dict[str, float]: ...
 
 
-class Coupling:
+class AttitudeCoupling:
     """Connects a plant to a machine's pins. The plant's time 0 is the first gyro sample that the board reads.
 
     taken: the gyro samples that the board has read, with the time of reading.
@@ -64,3 +64,6 @@ class Coupling:
         if self._start is None:
             self._start = sampled_s
         self.taken.append(Conversion(self.machine.now_s, counts[0], self.plant.truth(self._time_s(sampled_s))))
+
+
+couple = AttitudeCoupling

@@ -29,7 +29,7 @@ class Wheel:
 
 
 @dataclass(slots=True)
-class ControlState:
+class BalancerState:
     kalman: KalmanState
     wheel: Wheel = field(default_factory=Wheel)
     speed: PidState = field(default_factory=PidState)
@@ -48,8 +48,8 @@ class ControlState:
     """The accelerometer is not believed, the tilt measured is the one estimated in the step before."""
 
 
-def control_init(p: Params) -> ControlState:
-    return ControlState(kernels.kalman_init(p))
+def control_init(p: Params) -> BalancerState:
+    return BalancerState(kernels.kalman_init(p))
 
 
 def wheel_step(c: Wheel, p: Params, edges: int) -> bool:
@@ -64,7 +64,7 @@ def wheel_step(c: Wheel, p: Params, edges: int) -> bool:
     return used != edges or limited_q24 != accel_q24
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_mps_q26: int) -> tuple[int, ...]:
+def control_step(c: BalancerState, p: Params, raw: Sequence[int], setpoint_mps_q26: int) -> tuple[int, ...]:
     """One step; returns the values of the record's words, in order."""
     k, wheel, speed, pid = c.kalman, c.wheel, c.speed, c.pid
     first = c.step == 0
@@ -123,7 +123,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_mps_q2
     )  # fmt: skip
 
 
-def control_retune(c: ControlState, old: Params, new: Params) -> None:
+def control_retune(c: BalancerState, old: Params, new: Params) -> None:
     """Other gains from the next step on."""
     kernels.pid_retune(c.speed, old, new, "speed")
     kernels.pid_retune(c.pid, old, new)

@@ -30,7 +30,7 @@ FOLLOW_US = 1000
 """Interval at which the plant reads the bridge and updates the Hall sensors."""
 
 
-class Coupling:
+class BalancerCoupling:
     """Connects a plant to a machine's pins. The plant's time 0 is the first gyro sample that the board reads.
 
     taken: the gyro samples that the board has read, with the time of reading.
@@ -97,3 +97,6 @@ class Coupling:
                     case _:
                         rolled += 1 if self.plant.fault_noise(time_s, HALL) > 0.0 else 0
         return hall_state(rolled / 6.0)
+
+
+couple = BalancerCoupling

@@ -59,7 +59,7 @@ def cruise(settings: SpeedLoop) -> Pid:
 
 
 @dataclass
-class ControlState:
+class BalancerReferenceState:
     kalman: KalmanState
     speed: PidState = field(default_factory=PidState)
     pid: PidState = field(default_factory=PidState)
@@ -67,8 +67,8 @@ class ControlState:
 
 
 def control_step(
-    c: ControlState, tuning: BalancerTuning, rate_dps: Number, z_deg: Number, r_deg2: Number, velocity_mps: Number,
-    accel_g: Number, setpoint_mps: Number,
+    c: BalancerReferenceState, tuning: BalancerTuning, rate_dps: Number, z_deg: Number, r_deg2: Number,
+    velocity_mps: Number, accel_g: Number, setpoint_mps: Number,
 ) -> dict[str, Number]:  # fmt: skip
     """The parts of a step with state, except the wheel's: filter, speed loop and balance loop."""
     kernels.kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
@@ -116,7 +116,7 @@ def run_control(
     z_deg = kernels.tilt(accel_x_g + wheel_accel_g, accel_z_g, tuning.tilt)
     r_deg2 = kernels.trust(accel_x_g + wheel_accel_g, accel_z_g, tuning.trust)
 
-    c = ControlState(kernels.kalman_init(tuning.start))
+    c = BalancerReferenceState(kernels.kalman_init(tuning.start))
     series = (rate_dps, z_deg, r_deg2, velocity_mps, wheel_accel_g, asked)
     inputs = [values.tolist() if values.ndim == 1 else values for values in series]
     steps = [control_step(c, tuning, *now) for now in zip(*inputs, strict=True)]

@@ -32,7 +32,7 @@ START = ("bias_hi", "bias_lo", "tilt_turn_q32", "p00_hi", "p00_lo", "p01_hi", "p
 
 
 @dataclass(slots=True)
-class ControlState:
+class PhoneState:
     pitch: KalmanState
     roll: KalmanState
     roll_p: Params
@@ -48,12 +48,12 @@ def roll_filter(p: Params) -> Params:
     return {**p, **own, **{f"start.{name}": p[f"roll.start.{name}"] for name in START}}
 
 
-def control_init(p: Params) -> ControlState:
+def control_init(p: Params) -> PhoneState:
     roll_p = roll_filter(p)
-    return ControlState(kalman_init(p), kalman_init(roll_p), roll_p)
+    return PhoneState(kalman_init(p), kalman_init(roll_p), roll_p)
 
 
-def change_sides(c: ControlState) -> None:
+def change_sides(c: PhoneState) -> None:
     """Beyond 90 degrees of pitch: the other angles of the same attitude."""
     if abs(kalman_tilt(c.pitch)) > QUARTER_TURN_Q32:
         c.pitch.tilt_turn_q61 = wrap_i64(HALF_TURN_Q61 - c.pitch.tilt_turn_q61)
@@ -61,7 +61,7 @@ def change_sides(c: ControlState) -> None:
         c.roll.tilt_turn_q61 = wrap_i64(c.roll.tilt_turn_q61 + HALF_TURN_Q61)
 
 
-def euler_rates(c: ControlState, x: int, y: int, z: int, roll_lost: bool) -> tuple[int, int, int]:
+def euler_rates(c: PhoneState, x: int, y: int, z: int, roll_lost: bool) -> tuple[int, int, int]:
     """Tangent of pitch, Q26, the cosine not below 1/16; and the rates of pitch and roll, turn/s Q28."""
     sin_pitch, cos_pitch = sincos(kalman_tilt(c.pitch))
     sin_roll, cos_roll = sincos(kalman_tilt(c.roll))
@@ -84,7 +84,7 @@ def estimate(k: KalmanState, p: Params, measured: int, variance: int, lost: bool
     return kalman_tilt(k), bias, wrap_i32(rate - bias)
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_turn_q32: int) -> tuple[int, ...]:
+def control_step(c: PhoneState, p: Params, raw: Sequence[int], setpoint_turn_q32: int) -> tuple[int, ...]:
     """One step; returns the values of the record's words, in order."""
     rate_x, x_clamped = calibration_apply(p, "gyro", raw[0])
     rate_y, y_clamped = calibration_apply(p, "gyro", raw[1])

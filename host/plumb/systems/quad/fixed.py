@@ -13,7 +13,7 @@ FLAG_GYRO_CLAMPED, FLAG_ACCEL_Y_CLAMPED, FLAG_ACCEL_Z_CLAMPED, FLAG_COMMAND_LIMI
 
 
 @dataclass(slots=True)
-class ControlState:
+class QuadState:
     kalman: KalmanState
     pid: PidState
     rate_turnps_q28: int = 0
@@ -21,8 +21,8 @@ class ControlState:
     step: int = 0
 
 
-def control_init(p: Params) -> ControlState:
-    return ControlState(kernels.kalman_init(p), PidState())
+def control_init(p: Params) -> QuadState:
+    return QuadState(kernels.kalman_init(p), PidState())
 
 
 def pulses(p: Params, command_q22: int) -> tuple[int, int]:
@@ -32,7 +32,7 @@ def pulses(p: Params, command_q22: int) -> tuple[int, int]:
     return clamp(mid + thrust, low, high), clamp(mid - thrust, low, high)
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_turn_q32: int) -> tuple[int, ...]:
+def control_step(c: QuadState, p: Params, raw: Sequence[int], setpoint_turn_q32: int) -> tuple[int, ...]:
     """One step; returns the values of the record's words, in order."""
     k, pid = c.kalman, c.pid
     rate, gyro_clamped = kernels.calibration_apply(p, "gyro", raw[0])
@@ -67,7 +67,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_turn_q
     )  # fmt: skip
 
 
-def control_retune(c: ControlState, old: Params, new: Params) -> None:
+def control_retune(c: QuadState, old: Params, new: Params) -> None:
     """Other gains from the next step on."""
     kernels.pid_retune(c.pid, old, new)
 

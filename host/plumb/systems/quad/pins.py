@@ -26,7 +26,7 @@ FOLLOW_US = 1000
 """Interval at which the plant reads the PWM pins."""
 
 
-class Coupling:
+class QuadCoupling:
     """Connects a plant to a machine's pins. The plant's time 0 is the first sample of the gyro channel.
 
     A scan of the ADC advances the plant; a pin has the voltage of the last scan. taken: the samples of the gyro
@@ -75,3 +75,6 @@ class Coupling:
     def _follow(self, now: int) -> None:
         self._advance(self._time_s(now / TICKS_PER_S))
         self.machine.timeline.at("plant", now + FOLLOW_US * TICKS_PER_US, self._follow)
+
+
+couple = QuadCoupling

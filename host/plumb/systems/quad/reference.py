@@ -24,13 +24,13 @@ def esc(command: Number, settings: Esc) -> tuple[Number, Number]:
 
 
 @dataclass
-class ControlState:
+class QuadReferenceState:
     kalman: KalmanState
     pid: PidState = field(default_factory=PidState)
 
 
 def control_step(
-    c: ControlState,
+    c: QuadReferenceState,
     tuning: QuadTuning,
     rate_dps: Number,
     z_deg: Number,
@@ -73,7 +73,7 @@ def run_control(
     z_deg = kernels.tilt(accel_y_g, accel_z_g, tuning.tilt)
     r_deg2 = kernels.trust(accel_y_g, accel_z_g, tuning.trust)
 
-    c = ControlState(kernels.kalman_init(tuning.start))
+    c = QuadReferenceState(kernels.kalman_init(tuning.start))
     inputs = [values.tolist() if values.ndim == 1 else values for values in (rate_dps, z_deg, r_deg2, 360.0 * turns)]
     steps = [control_step(c, tuning, *now) for now in zip(*inputs, strict=True)]
     outputs = {name: np.array([step[name] for step in steps]) for name in (steps[0] if steps else ())}

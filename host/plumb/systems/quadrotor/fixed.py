@@ -43,21 +43,21 @@ AIRBORNE, FLIES, LEVELS, LOST, TILT_LIMITED, YAW_LIMITED, THRUST_MOVED, LANDED =
 
 
 @dataclass(slots=True)
-class ControlState:
-    attitude: fixed_state.ControlState
+class QuadrotorState:
+    attitude: fixed_state.AttitudeState
     flight: FlightState
     loops: list[RateLoopState] = field(default_factory=lambda: [RateLoopState() for _ in AXES])
     flags: int = 0
     step: int = 0
 
 
-def control_init(p: Params) -> ControlState:
+def control_init(p: Params) -> QuadrotorState:
     a = attitude.control_init(p)
     a.vehicle = True
-    return ControlState(a, FlightState(a.hover_q15, a.climb_gs_q28, a.carried_blocks))
+    return QuadrotorState(a, FlightState(a.hover_q15, a.climb_gs_q28, a.carried_blocks))
 
 
-def collective(c: ControlState, p: Params) -> int:
+def collective(c: QuadrotorState, p: Params) -> int:
     """Thrust command of the step before, Q15, without what roll and pitch add to it; 0: the rotors are off."""
     return max(c.flight.throttle_q15, p["quadrotor.idle_q24"] >> 9, 1) if c.flags & FLIES else 0
 
@@ -80,7 +80,7 @@ def rate_loop_mode(flies: bool, landed: bool, carried_blocks: int) -> RateLoopMo
     return RateLoopMode.HELD if carried_blocks >= TOUCHED_BLOCKS else RateLoopMode.FLYING
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
+def control_step(c: QuadrotorState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step; returns the values of the record's words, in order."""
     a, f = c.attitude, c.flight
     roll, pitch, yaw, switches, receiver = raw[6:11]

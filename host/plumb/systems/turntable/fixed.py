@@ -13,7 +13,7 @@ from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.prefilter import FLAG_SAMPLE, FLAG_SATURATED
 from plumb.kernels.fixed.quaternion import ONE_Q30, difference, rotate
 from plumb.kernels.integers import add_scaled, clamp, mul_shift, sat_i32
-from plumb.systems.turntable.fixed_state import AXES, ControlState, TurntableStep, control_init, is_spike
+from plumb.systems.turntable.fixed_state import AXES, TurntableState, TurntableStep, control_init, is_spike
 
 __all__ = ["control_init", "control_step", "control_valid"]
 
@@ -28,7 +28,7 @@ FLAG_SHOCK, FLAG_REST, FLAG_GYRO_LOST = 64, 128, 256
 FLAGS_SATURATED = FLAG_SATURATED | FLAG_SATURATED << 1
 
 
-def prefilter_sensors(c: ControlState, p: Params, s: TurntableStep, raw: Sequence[int]) -> None:
+def prefilter_sensors(c: TurntableState, p: Params, s: TurntableStep, raw: Sequence[int]) -> None:
     """Convert counts to rate and angular acceleration, and determine when the gyro's sample was taken."""
     away = c.gyro.gap > c.gyro.stale
     gyro, angular = c.gyro.apply_sample(raw[:3], p), c.angular.apply_sample(raw[3:], p)
@@ -48,7 +48,7 @@ def prefilter_sensors(c: ControlState, p: Params, s: TurntableStep, raw: Sequenc
         c.clamped_steps += 1
 
 
-def increment(c: ControlState, p: Params, s: TurntableStep, i: int, twice_q28: int) -> int:
+def increment(c: TurntableState, p: Params, s: TurntableStep, i: int, twice_q28: int) -> int:
     """Increment of the rate of one axis in this step, turn/s Q34. twice: sum of this sample and the previous one."""
     total = 0
     if s.angular:
@@ -62,7 +62,7 @@ def increment(c: ControlState, p: Params, s: TurntableStep, i: int, twice_q28: i
     return clamp(total, -INCREMENT_MAX, INCREMENT_MAX)
 
 
-def propagate_rate(c: ControlState, p: Params, s: TurntableStep, before_q28: Sequence[int], adjacent: bool) -> None:
+def propagate_rate(c: TurntableState, p: Params, s: TurntableStep, before_q28: Sequence[int], adjacent: bool) -> None:
     """Propagate the rate of every axis by one step, and predict the gyro's reading at its sampling instant."""
     for i in AXES:
         now_q28 = c.angular.value[i]
@@ -80,7 +80,7 @@ def propagate_rate(c: ControlState, p: Params, s: TurntableStep, before_q28: Seq
         s.turn_q60[i] = s.turn_angular_q60[i]
 
 
-def predict(c: ControlState, p: Params, s: TurntableStep) -> None:
+def predict(c: TurntableState, p: Params, s: TurntableStep) -> None:
     """Propagate the covariance, and the sensitivities of the second stage."""
     dt = p["fusion.dt_s_q32"]
     step = fusion.Predict(
@@ -104,7 +104,7 @@ def corrected(x: int, gain_q28: int, innovation_q28: int, shift: int, limit: int
     return clamp(add_scaled(x, gain_q28, innovation_q28, shift), -limit, limit)
 
 
-def correct(c: ControlState, i: int, gain: Sequence[int], z: int) -> None:
+def correct(c: TurntableState, i: int, gain: Sequence[int], z: int) -> None:
     """Correct rate and biases of one axis by a measurement with the innovation z."""
     c.rate_fused_turnps_q28[i] = corrected(c.rate_fused_turnps_q28[i], gain[RATE], z, 28, RATE_MAX)
     c.bias_gyro_turnps_q34[i] = corrected(c.bias_gyro_turnps_q34[i], gain[GYRO_BIAS], z, 22, BIAS_MAX)
@@ -116,7 +116,7 @@ def correction_q60(gain_q28: int, innovation_q28: int) -> int:
     return 16 * clamp(gain_q28 * innovation_q28, -(1 << 54), 1 << 54)
 
 
-def merge_attitudes(c: ControlState) -> None:
+def merge_attitudes(c: TurntableState) -> None:
     """Merge the two attitudes into one."""
     c.attitude_angular = c.attitude
     for j in STATES:
@@ -124,7 +124,7 @@ def merge_attitudes(c: ControlState) -> None:
     c.covariance_q64[ANGLE][DIFFERENCE] = 0
 
 
-def update_zero_rate(c: ControlState) -> None:
+def update_zero_rate(c: TurntableState) -> None:
     """At rest: measurement update with rate 0."""
     u, variance = fusion.project_state(c.covariance_q64, RATE)
     gain = fusion.gains(u, variance + STILL_Q64)
@@ -135,7 +135,7 @@ def update_zero_rate(c: ControlState) -> None:
     c.covariance_q64[ANGLE] = [0, 0, 0, 0]
 
 
-def learn(c: ControlState, p: Params, s: TurntableStep, i: int, s_q64: int, gain: list[int]) -> None:
+def learn(c: TurntableState, p: Params, s: TurntableStep, i: int, s_q64: int, gain: list[int]) -> None:
     """Second stage of one axis: estimate scale and lag from the innovation, and add their part to the gains."""
     direct = add_scaled(0, p["fusion.share_q30"], s.expected_q28[i], 30)
     scale = fusion.parameter_project(c.scale[i], s.age_q24, direct, SCALE_PROJECTED_MAX)
@@ -153,7 +153,7 @@ def learn(c: ControlState, p: Params, s: TurntableStep, i: int, s_q64: int, gain
     c.lag_step_q24[i] = max(corrected(c.lag_step_q24[i], lag_gain, innovation, 24, LAG_MAX), 0)
 
 
-def compare_rates(c: ControlState, p: Params, s: TurntableStep) -> None:
+def compare_rates(c: TurntableState, p: Params, s: TurntableStep) -> None:
     """Data layer: compare the gyro's sample with the predicted rate."""
     largest_q64 = 0
     for i in AXES:
@@ -185,14 +185,14 @@ def compare_rates(c: ControlState, p: Params, s: TurntableStep) -> None:
             s.turn_q60[i] += correction_q60(gain[ANGLE], c.innovation_turnps_q28[i])
 
 
-def sampled(c: ControlState, s: TurntableStep, i: int) -> int:
+def sampled(c: TurntableState, s: TurntableStep, i: int) -> int:
     """Rate of the step from the gyro's sample, which is slightly older than the step."""
     ahead_q28 = c.rate_fused_turnps_q28[i] - s.expected_q28[i]
     sample_q28 = ahead_q28 + c.gyro.value[i] - ((c.bias_gyro_turnps_q34[i] + 32) >> 6)
     return clamp(sample_q28, -RATE_MAX, RATE_MAX)
 
 
-def align_gyro(c: ControlState, p: Params, s: TurntableStep) -> None:
+def align_gyro(c: TurntableState, p: Params, s: TurntableStep) -> None:
     """Attitude layer: the gyro's own rate, propagated to the steps by the angular acceleration."""
     period_s_q32 = add_scaled(0, p["fusion.dt_s_q32"], p["fusion.gyro_period_step_q24"], 24)
     for i in AXES:
@@ -206,7 +206,7 @@ def align_gyro(c: ControlState, p: Params, s: TurntableStep) -> None:
         c.rate_corrected_turnps_q28[i] = aligned
 
 
-def compare_attitudes(c: ControlState, p: Params) -> None:
+def compare_attitudes(c: TurntableState, p: Params) -> None:
     """Attitude layer: correct both attitudes by their difference."""
     period_q24, dt = p["fusion.gyro_period_step_q24"], p["fusion.dt_s_q32"]
     walk_q64 = mul_shift(mul_shift(p["fusion.r_gyro_q44"] << 20, period_q24, 24), period_q24, 24)
@@ -229,7 +229,7 @@ def compare_attitudes(c: ControlState, p: Params) -> None:
     c.attitude_angular = rotate(c.attitude_angular, turn_angular_q60)
 
 
-def propagate_attitude(c: ControlState, p: Params, s: TurntableStep) -> None:
+def propagate_attitude(c: TurntableState, p: Params, s: TurntableStep) -> None:
     """Propagate both attitudes by one step. A gyro that has just returned starts anew, with its own sample and the
     attitude of the other sensor."""
     if s.two_attitudes:
@@ -248,7 +248,7 @@ def propagate_attitude(c: ControlState, p: Params, s: TurntableStep) -> None:
         merge_attitudes(c)
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
+def control_step(c: TurntableState, p: Params, raw: Sequence[int], setpoint: int) -> tuple[int, ...]:
     """One step; returns the values of the record's words, in order."""
     before_q28, adjacent = list(c.angular.value), c.angular.gap == 0
     c.step += 1

@@ -20,7 +20,7 @@ def zeros() -> list[int]:
 
 
 @dataclass(slots=True)
-class ControlState:
+class TurntableState:
     gyro: Sensor
     angular: Sensor
     gyro_age_step_q24: int
@@ -61,11 +61,11 @@ class TurntableStep:
     turn_angular_q60: list[int] = field(default_factory=zeros)
 
 
-def control_init(p: Params) -> ControlState:
+def control_init(p: Params) -> TurntableState:
     covariance_q64 = fusion.zeros()
     covariance_q64[GYRO_BIAS][GYRO_BIAS] = p["fusion.p_gyro_bias_q40"] << 24
     covariance_q64[ANGULAR_BIAS][ANGULAR_BIAS] = p["fusion.p_angular_bias_q52"] << 12
-    return ControlState(
+    return TurntableState(
         gyro=Sensor("gyro", p["fusion.gyro_period_step_q24"] >> 22),
         angular=Sensor("angular", ANGULAR_STALE),
         gyro_age_step_q24=p["fusion.gyro_age_step_q24"],
@@ -76,5 +76,5 @@ def control_init(p: Params) -> ControlState:
     )
 
 
-def is_spike(c: ControlState, axis: int) -> bool:
+def is_spike(c: TurntableState, axis: int) -> bool:
     return (c.gyro.spikes >> axis) & 1 != 0

@@ -21,7 +21,7 @@ ADC_PINS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
 """Gyro x, y, z, angular acceleration x, y, z."""
 
 
-class Coupling:
+class TurntableCoupling:
     """Connects a plant to a machine's pins. The plant's time 0 is the first sample of the gyro's x axis. The sensors'
     outputs are constant within a step of the plant. taken: the samples of that channel.
     """
@@ -54,3 +54,6 @@ class Coupling:
 
     def _source(self, index: int) -> Callable[[float], float]:
         return lambda now_s: self.plant.counts(self._time_s(now_s))[index] * (ADC_REFERENCE_V / ADC_COUNTS)
+
+
+couple = TurntableCoupling

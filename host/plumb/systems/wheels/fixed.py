@@ -39,7 +39,7 @@ from plumb.systems.wheels.fixed_state import (
     TURN_LIMITED,
     WHEEL_CLAMPED,
     YAW,
-    ControlState,
+    WheelsState,
     control_init,
 )
 
@@ -59,7 +59,7 @@ def by_stick(stick: int, most: int) -> int:
     return 2 * mulhi_i32(clamp(stick, -FULL_Q15, FULL_Q15) << 16, most)
 
 
-def listen(c: ControlState, lost_steps: int, receiver: int) -> bool:
+def listen(c: WheelsState, lost_steps: int, receiver: int) -> bool:
     """True while the receiver is lost."""
     number = receiver & NUMBER_MASK
     same = number != 0 and number == c.receiver_number
@@ -68,7 +68,7 @@ def listen(c: ControlState, lost_steps: int, receiver: int) -> bool:
     return number != 0 and (receiver & FAILSAFE != 0 or c.age_steps >= lost_steps)
 
 
-def decide(c: ControlState, p: Params, present: bool, blind: bool, on: bool) -> None:
+def decide(c: WheelsState, p: Params, present: bool, blind: bool, on: bool) -> None:
     """The phase of this step, from the tilt of the step before: whether somebody rides, and what happens when the rider
     has left."""
     before = c.phase
@@ -92,7 +92,7 @@ def decide(c: ControlState, p: Params, present: bool, blind: bool, on: bool) -> 
         c.phase_steps = 0
 
 
-def turning(c: ControlState, p: Params, difference: int, count: int) -> int:
+def turning(c: WheelsState, p: Params, difference: int, count: int) -> int:
     """Turn rate: that of the gyro, its bias taken off, which follows the difference of the wheels slowly; returns
     flags. Where both disagree by more than an encoder's counts can, a wheel slips."""
     gyro, clamped = kernels.calibration_apply(p, "gyro", count)
@@ -113,7 +113,7 @@ def turning(c: ControlState, p: Params, difference: int, count: int) -> int:
     return (GYRO_UP_CLAMPED if clamped else 0) | (WHEEL_CLAMPED if used != difference else 0)
 
 
-def mix(c: ControlState, duty_max_q15: int, turn_max_q15: int) -> int:
+def mix(c: WheelsState, duty_max_q15: int, turn_max_q15: int) -> int:
     """Balance first, turning gets what it leaves; returns flags. While a wheel slips, the other one gets twice the
     duty, and turning nothing."""
     wanted = c.turn.demand_q24 >> 9
@@ -130,7 +130,7 @@ def mix(c: ControlState, duty_max_q15: int, turn_max_q15: int) -> int:
     return TURN_LIMITED if wanted != turn else 0
 
 
-def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_speed_q15: int) -> tuple[int, ...]:
+def control_step(c: WheelsState, p: Params, raw: Sequence[int], setpoint_speed_q15: int) -> tuple[int, ...]:
     """One step; returns the values of the record's words, in order."""
     b, before = c.balancer, c.raw
     first = c.step == 0
@@ -184,7 +184,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[int], setpoint_speed_
     )  # fmt: skip
 
 
-def control_retune(c: ControlState, old: Params, new: Params) -> None:
+def control_retune(c: WheelsState, old: Params, new: Params) -> None:
     """Other gains from the next step on."""
     balancer.control_retune(c.balancer, old, new)
 

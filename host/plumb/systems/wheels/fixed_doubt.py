@@ -17,14 +17,14 @@ from plumb.systems.wheels.fixed_state import (
     STOP_RIDER,
     STOP_SENSORS,
     STOPPED,
-    ControlState,
+    WheelsState,
 )
 
 UP_LEAST, APART_MOST, ROCKED_MOST = 1 << 25, 8 << 26, 1 << 30
 """g Q26: half; m/s Q26; turn/s Q28."""
 
 
-def is_odd(c: ControlState) -> bool:
+def is_odd(c: WheelsState) -> bool:
     """Whether the accelerometer of the step before says nothing of the tilt: outside its range, or, while it drives and
     so is upright, without half of gravity."""
     return c.flags & ACCEL_CLAMPED != 0 or (c.phase != STOPPED and c.balancer.accel_z_g_q26 < UP_LEAST)
@@ -42,7 +42,7 @@ def since_count(steps: int, counts: int, most: int) -> int:
     return min(steps + 1, most) if steps != 0 else 0
 
 
-def doubt(c: ControlState, p: Params, on: bool, left: int, right: int) -> int:
+def doubt(c: WheelsState, p: Params, on: bool, left: int, right: int) -> int:
     """Flags of encoders without counts and of wheels in the air, from what accelerometer and wheels say of each
     other."""
     b = c.balancer
@@ -72,7 +72,7 @@ def doubt(c: ControlState, p: Params, on: bool, left: int, right: int) -> int:
     return kept | (ENCODERS if rocks or moves else 0)
 
 
-def stopped_by(c: ControlState, flags: int, on: bool, blind: bool) -> int:
+def stopped_by(c: WheelsState, flags: int, on: bool, blind: bool) -> int:
     """Why the motors are off."""
     reason = STOP_FALLEN if flags & FALLEN else 0
     if on and c.phase == STOPPED:
@@ -88,7 +88,7 @@ def beside(p: Params, counts: int, felt: int) -> int:
     return abs(wrap_i32(speed - felt))
 
 
-def both(c: ControlState, p: Params, left: int, right: int) -> int:
+def both(c: WheelsState, p: Params, left: int, right: int) -> int:
     """Counts of both wheels in this step. While one slips, those of one of them and of the turn that the gyro feels: of
     the wheel that is nearer to the speed felt; of the one that counts where the other one does not."""
     dead = p["wheels.dead_steps"]

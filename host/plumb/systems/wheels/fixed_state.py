@@ -21,10 +21,10 @@ ENCODERS, LIFTED, ACCEL_STILL = 1 << 12, 1 << 13, 1 << 14
 
 
 @dataclass(slots=True)
-class ControlState:
+class WheelsState:
     """raw: inputs of the step before."""
 
-    balancer: balancer.ControlState
+    balancer: balancer.BalancerState
     raw: tuple[int, ...] = (0,) * 15
     phase: int = STOPPED
     asked_mps_q26: int = 0
@@ -54,5 +54,5 @@ class ControlState:
     step: int = 0
 
 
-def control_init(p: Params) -> ControlState:
-    return ControlState(balancer.control_init(p), absent_steps=p["wheels.absent_steps"])
+def control_init(p: Params) -> WheelsState:
+    return WheelsState(balancer.control_init(p), absent_steps=p["wheels.absent_steps"])

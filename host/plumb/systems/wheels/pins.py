@@ -29,7 +29,7 @@ WIDEST = -1
 """Ranges that the firmware sets: 2000 deg/s, 16 g."""
 
 
-class Coupling:
+class WheelsCoupling:
     """Connects a plant to a machine's pins. The plant's time 0 is the first sample that the board reads.
 
     taken: the samples that the board has read, with the time of reading and the counts of the gyro about the axle.
@@ -98,3 +98,6 @@ class Coupling:
     def _follow(self, now: int) -> None:
         self._advance(now / TICKS_PER_S)
         self.machine.timeline.at("plant", now + FOLLOW_US * TICKS_PER_US, self._follow)
+
+
+couple = WheelsCoupling

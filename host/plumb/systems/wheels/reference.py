@@ -191,7 +191,7 @@ def one_run(tuning: WheelsTuning, raw: FloatArray, setpoint: FloatArray) -> Floa
     accel_z_g = kernels.calibrate(raw[:, 2], axis.accel_up)
     up_dps = kernels.calibrate(raw[:, 3], axis.gyro)
     left, right = wrapped(raw[:, 4]), wrapped(raw[:, 5])
-    state, loop, watch = balancer.ControlState(kernels.kalman_init(own.start)), TurnLoop(), Watch()
+    state, loop, watch = balancer.BalancerReferenceState(kernels.kalman_init(own.start)), TurnLoop(), Watch()
     rider = Rider(round(tuning.riding.absent_s / period_s))
     outside = np.any(
         [

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from plumb.cli import options
 
 if TYPE_CHECKING:
-    from plumb.boards.contract import Board
+    from plumb.boards.contract import StepBoard
     from plumb.contract.parameters import ControlParams
     from plumb.judging.phone.inputs.live_run import Outcome
     from plumb.judging.phone.inputs.resampler import Step
@@ -115,7 +115,11 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def look_back(
-    arguments: argparse.Namespace, board: Board | None, params: ControlParams, outcome: Outcome, summary: dict[str, Any]
+    arguments: argparse.Namespace,
+    board: StepBoard | None,
+    params: ControlParams,
+    outcome: Outcome,
+    summary: dict[str, Any],
 ) -> None:
     """Check the longest run on QEMU, and write the report of --out. board: None when it is gone."""
     from plumb.cli.run_summary import write

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from plumb.boards.contract import Answer, Board, RawCounts, Stepper
+from plumb.boards.contract import Answer, RawCounts, StepBoard, Stepper
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import LinkError, UsageError
@@ -77,7 +77,7 @@ class Followed:
     digests: list[int] = field(default_factory=list)
     judged: runs.Run | None = None
 
-    def run(self, board: Board | None, params: ControlParams) -> runs.Run:
+    def run(self, board: StepBoard | None, params: ControlParams) -> runs.Run:
         """The run, judged. board: is asked for the words of the first step that differs; None when it is gone."""
         if self.judged is None:
             answer = Answer(np.array(self.digests, np.uint32))
@@ -104,7 +104,7 @@ class Outcome:
 class Follower:
     """Runs steps on a board and on the integer model, and compares the digests."""
 
-    def __init__(self, board: Board, params: ControlParams) -> None:
+    def __init__(self, board: StepBoard, params: ControlParams) -> None:
         self.outcome, self.params = Outcome(), params
         self._board = board
         self._run = Followed()
