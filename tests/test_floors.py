@@ -26,6 +26,25 @@ FLOORS = [
     "judging", "__main__",
 ]  # fmt: skip
 """From the ground up."""
+LOADED = {
+    "analyses/comparison/contenders": "judging",
+    "analyses/flights/estimators": "judging",
+    "analyses/identification/tested_loop": "judging",
+    "analyses/identification/vehicle_fit": "judging",
+    "cli/demo": "judging",
+    "cli/verbs": "judging",
+    "contract/parameters": "systems",
+    "contract/scenario": "systems",
+    "contract/step": "systems",
+    "proof/figures": "judging",
+    "proof/invariants": "judging",
+    "proof/loop_figures": "judging",
+    "proof/measures": "judging",
+    "proof/runs": "judging",
+    "readers/replay": "judging",
+}
+"""Module -> the floor above its own whose modules it loads at run time, by the name of a system. It declares their
+contract; the module above imports the contract's floor and not the other way round."""
 CHIP = {"plumb.errors", "plumb.extras", "plumb.process_signals", "plumb.flash.image", "plumb.flash.rom_model"}
 """What the simulated chip may import besides itself: image files, the ROM loader, errors."""
 
@@ -77,6 +96,31 @@ def test_no_module_imports_a_floor_above_its_own(module: str) -> None:
     own = FLOORS.index(floor_of(dotted(module)))
     above = {name for name in imported_by(module) if FLOORS.index(floor_of(name)) > own}
     assert not above, f"{module} imports {', '.join(sorted(above))}"
+
+
+def loaded_by(module: str) -> set[str]:
+    """Floors whose modules a module loads by name: parts of a system, and f-strings that begin with plumb.FLOOR."""
+    found = set()
+    for node in ast.walk(ast.parse((PACKAGE / f"{module}.py").read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call):
+            continue
+        name = ast.unparse(node.func)
+        if name.startswith("Part["):
+            places = [ast.literal_eval(keyword.value) for keyword in node.keywords if keyword.arg == "place"]
+            found |= set(places or ["systems"])
+        elif name.endswith("import_module") or name == "__import__":
+            found |= set(re.findall(r"^f?['\"]plumb\.(\w+)", ast.unparse(node.args[0])))
+    return found
+
+
+def test_loads_of_a_floor_above_are_those_declared() -> None:
+    above = {
+        (module, floor)
+        for module in modules()
+        for floor in loaded_by(module)
+        if FLOORS.index(floor) > FLOORS.index(floor_of(dotted(module)))
+    }
+    assert above == set(LOADED.items())
 
 
 @pytest.mark.parametrize("module", [module for module in modules() if module.startswith("f103/")])

@@ -1,4 +1,4 @@
-"""The name that somebody may have meant who mistyped it."""
+"""Suggest the name that a mistyped one may stand for."""
 
 from __future__ import annotations
 
