@@ -17,11 +17,9 @@ from plumb.boards.contract import RawCounts, Setpoints
 from plumb.boards.native import NativeBoard
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
-from plumb.readers.log_file import Frames
-from plumb.spec.protocol import protocol
 from plumb.systems.quadrotor import scenarios
 from plumb.systems.quadrotor.plant import QuadrotorPlant
-from support.recordings import GAINS, log_of_counts, recorded_run, with_frames
+from support.recordings import GAINS, log_of_counts, other_digest, recorded_run, with_frames
 
 PERIOD_US = 5000
 FLIGHT_S = 50.0
@@ -78,18 +76,9 @@ def test_the_log_has_the_flight(log: Path, flight: Flight) -> None:
 
 
 def test_a_log_whose_steps_are_not_those_of_its_parameters_is_refused(flight: Flight, tmp_path: Path) -> None:
-    identifier = protocol()["STEP"].identifier
-
-    def other_digest(frames: Frames) -> Frames:
-        at = np.flatnonzero(frames["can_id"] == identifier)[25]
-        sent = protocol()["STEP"].decode(frames["data"][at].tobytes())
-        wrong = protocol()["STEP"].pack(25 & 15, 0, 25, sent["digest"] ^ 1)
-        frames["data"][at] = np.frombuffer(wrong, np.uint8)
-        return frames
-
     params, raw, setpoint = flight
     short = log_of_counts(tmp_path / "short.plog", params, raw[:400], setpoint=setpoint[:400])
-    bad = with_frames(short, tmp_path / "bad.plog", other_digest)
+    bad = with_frames(short, tmp_path / "bad.plog", other_digest(25))
     with pytest.raises(UsageError, match="the board's steps are not those of its counts"):
         flown_loop.of_log(bad, None)
     changed = recorded_run(tmp_path / "changed.plog", setpoint=1 << 28, changes=[GAINS])

@@ -43,12 +43,6 @@ def taken() -> Iterator[Taken]:
         scene.board.close()
 
 
-@pytest.fixture
-def scene(taken: Taken) -> Iterator[Scene]:
-    yield taken[0]
-    taken[0].machine.restore(taken[1])
-
-
 def pulses_us(scene: Scene) -> list[float]:
     return [scene.machine.pwm(pin).pulse_us for pin in PINS]
 

@@ -58,12 +58,6 @@ def taken() -> Iterator[Taken]:
         scene.board.close()
 
 
-@pytest.fixture
-def scene(taken: Taken) -> Iterator[Scene]:
-    yield taken[0]
-    taken[0].machine.restore(taken[1])
-
-
 def duties(scene: Scene) -> list[float | None]:
     return [scene.machine.duty(pin) for pin in PWM]
 

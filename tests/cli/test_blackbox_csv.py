@@ -14,11 +14,9 @@ from plumb import systems
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.readers import run_parts
-from plumb.readers.log_file import Frames
-from plumb.spec.protocol import protocol
 from plumb.spec.records import Words
 from plumb.systems.blackbox import COLUMNS
-from support.recordings import log_of_counts, with_frames
+from support.recordings import log_of_counts, other_digest, with_frames
 from support.wild_quadrotor import wild_inputs
 
 VEHICLE = "quadrotor"
@@ -134,15 +132,6 @@ def test_what_cannot_be_written_so_is_one_sentence(
     body = np.tile(np.array([0, 0, 0, 0, 0, 2048], np.int16), (40, 1))
     gap = log_of_counts(tmp_path / "gap.plog", params_of("attitude"), body, lost=[20])
     refused(gap, "gap.csv", "a blackbox CSV needs every step of the run from its beginning: the raw counts of step 20")
-    identifier = protocol()["STEP"].identifier
-
-    def other_digest(frames: Frames) -> Frames:
-        at = np.flatnonzero(frames["can_id"] == identifier)[25]
-        sent = protocol()["STEP"].decode(frames["data"][at].tobytes())
-        wrong = protocol()["STEP"].pack(25 & 15, 0, 25, sent["digest"] ^ 1)
-        frames["data"][at] = np.frombuffer(wrong, np.uint8)
-        return frames
-
     whole = log_of_counts(tmp_path / "whole.plog", params_of("attitude"), body)
-    bad = with_frames(whole, tmp_path / "bad.plog", other_digest)
+    bad = with_frames(whole, tmp_path / "bad.plog", other_digest(25))
     refused(bad, "bad.csv", "step 25 of the recording is not what the integer model makes of its counts")

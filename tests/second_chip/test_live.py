@@ -138,18 +138,25 @@ def test_one_chip_with_both_sensors_is_set_up_and_read_over_i2c(chip: Chip, sess
     assert both.registers[0x1B] == both.registers[0x1C] == 0x18, "+-2000 deg/s, +-16 g"
 
 
-def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(flying_image: bytes, connect_uart: Connect) -> None:
-    chip, both = Chip(flying_image), Mpu6050()
+def piloted(chip: Chip, connect_uart: Connect, receiver: int) -> tuple[Session, ControlParams, Capture]:
+    """A live run of `quadrotor` with a sensor of six axes. receiver: number of its protocol, a parameter."""
+    both = Mpu6050()
     chip.ports["B"].outside |= {4: 0}
     chip.i2c.slaves = {both.ADDRESS: both}
     chip.run(START_S)
     session = connect_uart(chip)
     module = systems.load("quadrotor")
     params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
-    session.upload(params.words(), period_us=2500, accel_bus=2, receiver=1)
+    session.upload(params.words(), period_us=2500, accel_bus=2, receiver=receiver)
     session.begin("REALTIME_LIVE", frames=RAW_FRAMES[:4])
     capture = Capture(session, raw_frames=set(RAW_FRAMES[:4]))
     session.listener = capture.feed
+    return session, params, capture
+
+
+def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(flying_image: bytes, connect_uart: Connect) -> None:
+    chip = Chip(flying_image)
+    session, params, capture = piloted(chip, connect_uart, receiver=1)
     for frame in (crsf.sticks(on=True), crsf.sticks(on=True), crsf.sticks(roll=1.0, throttle=0.5, on=True)):
         chip.usart3.put(b"\x00\xc8" + frame)
         listen(session, 0.01)
@@ -163,16 +170,8 @@ def test_the_bytes_of_a_receiver_are_the_sticks_of_a_step(flying_image: bytes, c
 
 
 def test_the_edges_at_pa8_are_the_sticks_of_a_step(flying_image: bytes, connect_uart: Connect) -> None:
-    chip, both = Chip(flying_image), Mpu6050()
-    chip.ports["B"].outside |= {4: 0}
-    chip.i2c.slaves = {both.ADDRESS: both}
-    chip.run(START_S)
-    session = connect_uart(chip)
-    module = systems.load("quadrotor")
-    session.upload(quantise(module.TUNINGS[module.DEFAULT_TUNING]).words(), period_us=2500, accel_bus=2, receiver=3)
-    session.begin("REALTIME_LIVE", frames=RAW_FRAMES[:4])
-    capture = Capture(session, raw_frames=set(RAW_FRAMES[:4]))
-    session.listener = capture.feed
+    chip = Chip(flying_image)
+    session, _, capture = piloted(chip, connect_uart, receiver=3)
     for widths in ([1500, 1500, 988, 1500], [2012, 988, 1500, 988], [2012, 988, 1500, 988, 2012, 700]):
         for edge in ppm.edges_us(widths + [1500] * (8 - len(widths))):
             for later, level in ((0, 1), (300, 0), (400, 1), (403, 0)):  # the last two: shorter than the filter

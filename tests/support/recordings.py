@@ -144,3 +144,17 @@ def with_frames(path: Path, out: Path, change: Callable[[Frames], Frames]) -> Pa
         return payload if kind != "FRMS" else None if left else frames.tobytes()
 
     return rewritten(path, out, one_block)
+
+
+def other_digest(step: int) -> Callable[[Frames], Frames]:
+    """For with_frames: one bit of the digest of a step is another."""
+    step_message = protocol()["STEP"]
+
+    def change(frames: Frames) -> Frames:
+        at = np.flatnonzero(frames["can_id"] == step_message.identifier)[step]
+        sent = step_message.decode(frames["data"][at].tobytes())
+        wrong = step_message.pack(step & 15, 0, step, sent["digest"] ^ 1)
+        frames["data"][at] = np.frombuffer(wrong, np.uint8)
+        return frames
+
+    return change
