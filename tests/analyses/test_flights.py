@@ -83,7 +83,7 @@ def test_a_told_drag_reaches_the_estimator(monkeypatch: pytest.MonkeyPatch) -> N
     told: list[float] = []
 
     def begin(_grade: ImuGrade, frame: Airframe, _period_us: int, runs: int) -> Flown:
-        told.append(frame.drag_told_per_s)
+        told.append(frame.drag_setting_per_s)
         return Fixed((0.0, 0.0, 1.0), runs, [])
 
     noting = Estimator("noting", "test", "", "", None, begin)
@@ -208,5 +208,5 @@ def test_flights_are_rows_of_the_comparison(
     assert "Flights that crashed / in which the estimator began again" in capsys.readouterr().out
     assert front.main(["compare", "--flights", "--motions"]) == 2
     assert "--flights stands alone" in capsys.readouterr().err
-    assert front.main(["compare", "--flights", "--drag-told", "-1"]) == 2
-    assert "--drag-told belongs to --flights" in capsys.readouterr().err
+    assert front.main(["compare", "--flights", "--drag-setting", "-1"]) == 2
+    assert "--drag-setting belongs to --flights" in capsys.readouterr().err

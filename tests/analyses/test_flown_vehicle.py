@@ -108,12 +108,12 @@ def test_the_drag_is_that_of_rotors_and_frame(flown: Flights) -> None:
     """More than that of the rotors alone, and near what the estimator of this frame is told."""
     found = np.mean([flown.fit(run).drag_per_s.value for run in range(RUNS)])
     assert flown.frame.drag_per_s < found
-    assert found == pytest.approx(flown.frame.drag_told_per_s, rel=0.25)
+    assert found == pytest.approx(flown.frame.drag_setting_per_s, rel=0.25)
 
 
 def test_a_flight_that_hovers_or_is_short_is_refused() -> None:
     still = flights("calm", HUMMINGBIRD_X, scenarios.HUMMINGBIRD, 1, SECONDS, 0.0)
-    with pytest.raises(UsageError, match=r"the flight does not tell the drag: its speed changed by 0\.\d m/s rms"):
+    with pytest.raises(UsageError, match=r"the flight does not determine the drag: its speed changed by 0\.\d m/s rms"):
         still.fit(0)
     short = replace(still, raw=still.raw[:4000], words=(Words(still.words[0].record[:4000]),))
     with pytest.raises(UsageError, match=r"2 windows of 6 s in the air are too few, 6 are needed: fly to and fro"):

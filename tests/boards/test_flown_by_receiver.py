@@ -214,7 +214,9 @@ def steps(flown: Flown, axis: int, by_dps: float) -> None:
 
 
 @pytest.mark.parametrize(("axis", "by_dps"), [(0, 20.0), (0, -20.0), (1, 20.0), (2, 20.0)])
-def test_a_gyro_that_steps_by_20_deg_per_s_is_told_and_cannot_be_armed(flown: Flown, axis: int, by_dps: float) -> None:
+def test_a_gyro_that_steps_by_20_deg_per_s_is_reported_and_cannot_be_armed(
+    flown: Flown, axis: int, by_dps: float
+) -> None:
     """About z it looks like a turn for ever; about the other axes the acceleration shows that nothing turns, and the
     step is learned as a bias."""
     flown.passes(0.5, crsf.sticks())

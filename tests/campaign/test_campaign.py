@@ -235,7 +235,11 @@ def test_the_folder_has_the_runs_a_summary_and_a_page(tmp_path: Path, capsys: py
     words = ["campaign", "quad", "--runs", "8", "--seconds", "2", "--tuning", "paper", "--against", str(out), "--json"]
     assert main([*words, "--out", str(beside)]) == 0
     page = (beside / "report.html").read_text(encoding="utf-8")
-    for part in ("Beside the other campaign", "scenario motion, tuning paper, closed loop, 2 s. An", "not shown"):
+    for part in (
+        "Compared with the other campaign",
+        "scenario motion, tuning paper, closed loop, 2 s. An",
+        "not shown",
+    ):
         assert part in page, part
     against = {one["metric"]: one for one in json.loads(capsys.readouterr().out)["against"]}
     assert against["angle_rmse_deg"]["pairs"] == 8 and against["angle_rmse_deg"]["real"]

@@ -82,7 +82,7 @@ def test_sticks_of_a_system_without_a_receiver_are_wrong_use(capsys: pytest.Capt
 
 def test_pulses_of_no_line_are_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["virtual-board", "--port", "native", "--ppm"]) == 2
-    assert "--ppm plays what --receiver hears" in capsys.readouterr().err
+    assert "--ppm plays the frames of --receiver" in capsys.readouterr().err
 
 
 def test_no_place_for_the_line_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:

@@ -265,18 +265,18 @@ def test_a_recording_has_the_parameters_of_each_of_its_runs(bench: CockpitBench)
     assert "kalman.qa_lo" in changed
 
 
-@pytest.mark.parametrize("heard", [True, False])
+@pytest.mark.parametrize("staged_seen", [True, False])
 def test_the_light_stays_green_and_a_recording_replays_across_a_change_of_gains(
-    bench: CockpitBench, heard: bool, monkeypatch: pytest.MonkeyPatch
+    bench: CockpitBench, staged_seen: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Committed by another program during the run, before the recording begins. heard: over this link; else the loop
-    hears of it by PARAM_USED alone, and reads the table."""
+    """Committed by another program during the run, before the recording begins. staged_seen: over this link; else
+    the loop learns of it by PARAM_USED alone, and reads the table."""
     bench.begin()
     bench.hold.take(HOLDER)
     bench.turn(0.3)
     session, feed = bench.board.session, bench.loop._feed
     staged = session.protocol["PARAM_STAGED"].identifier
-    session.listener = feed if heard else lambda frames: feed([frame for frame in frames if frame[0] != staged])
+    session.listener = feed if staged_seen else lambda frames: feed([frame for frame in frames if frame[0] != staged])
     table = by_name(session.read_parameters())
     parameter_table.commit(session, {**table, **GAINS})
     session.listener = feed

@@ -92,7 +92,7 @@ def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: TripBenc
         if bench.loop.state["over"]:
             break
     assert {"no receiver: held level", "no receiver: landing"} <= said
-    assert bench.loop.state["heard"] is False and bench.height_m < 0.1
+    assert bench.loop.state["receiving"] is False and bench.height_m < 0.1
     assert bench.loop.state["over"], "nobody speaks, and the vehicle stands on the ground"
     assert any("the receiver was lost" in text for _, text in bench.loop.notes)
 
@@ -100,7 +100,7 @@ def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: TripBenc
 def test_only_the_page_that_holds_the_vehicle_is_heard(bench: TripBench) -> None:
     bench.loop.accept_sticks(PILOT + 1, Sticks(roll=1.0, on=True))
     bench.turn(0.1)
-    assert not bench.loop.state["heard"]
+    assert not bench.loop.state["receiving"]
     assert "does not hold" in str(bench.order("run", page=PILOT + 1)["text"])
 
 
@@ -112,7 +112,8 @@ def test_what_happens_is_seen_and_ends(bench: TripBench) -> None:
         assert event in bench.loop.state["happening"]  # type: ignore[operator]
     assert bench.order("happen", trip_loop.LOST)["good"]
     bench.turn(0.15, on=True)
-    assert trip_loop.LOST in bench.loop.state["happening"] and not bench.loop.state["heard"]  # type: ignore[operator]
+    assert trip_loop.LOST in bench.loop.state["happening"]  # type: ignore[operator]
+    assert not bench.loop.state["receiving"]
 
 
 def test_a_new_flight_ends_the_one_that_is_on_and_begins_on_the_ground(bench: TripBench, tmp_path: Path) -> None:

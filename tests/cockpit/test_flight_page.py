@@ -151,7 +151,7 @@ def test_a_gamepad_takes_off_hovers_flips_and_lands_on_a_slow_browser_and_every_
     assert loop.state["armed"] and loop.state["said"] == "flown"
     page.call("Emulation.setCPUThrottlingRate", rate=SLOWER)
     assert frames_in_a_second(page) < SLOW_FRAMES
-    assert loop.state["heard"] and upright(loop) > 0.95, "a slow picture flies on"
+    assert loop.state["receiving"] and upright(loop) > 0.95, "a slow picture flies on"
     page.call("Emulation.setCPUThrottlingRate", rate=1)
     page.value("pad.axes[1] = 1")
     page.until(f"{HEIGHT} < 0.2")
@@ -176,7 +176,7 @@ def test_keys_fly_and_the_buttons_let_it_happen(server: PageServer, chromium: Ch
     page.until(f"{HEIGHT} > 0.8")
     key(page, "keyUp", "KeyW")
     page.click("[data-event=lost]")
-    page.until("document.getElementById('log').textContent.includes('the receiver hears nothing')")
+    page.until("document.getElementById('log').textContent.includes('the receiver gets no signal')")
     key(page, "keyDown", "Escape")
     page.until(DISARMED)
 
@@ -201,7 +201,7 @@ def test_a_browser_that_is_killed_is_a_lost_receiver(
         viewer.until(LOST)
         viewer.until(f"{HINT}.includes('over')")
         viewer.until("document.querySelector('#reports a') !== null")
-    assert not loop.transmitter.heard
+    assert not loop.transmitter.receiving
 
 
 def test_a_page_that_is_hidden_is_a_lost_receiver(

@@ -106,7 +106,7 @@ def test_a_lost_receiver_leaves_it_standing_and_ends_the_ride_if_it_stays_lost(
     bench.wall_s = 60.0
     bench.turn(trip_loop.REST_S + 2.0)
     state = bench.loop.state
-    assert state["heard"] is False and state["over"], "nobody steers, and the vehicle stands"
+    assert state["receiving"] is False and state["over"], "nobody steers, and the vehicle stands"
     assert not bench.loop._armed and abs(bench.reading("tilt")) < UPRIGHT_DEG
 
 

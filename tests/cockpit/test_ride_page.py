@@ -81,7 +81,7 @@ def test_a_gamepad_drives_turns_and_stays_up_on_ice_and_a_browser_that_is_killed
         page.until(f"{shown('speed')} > 0.2")
         monkeypatch.setattr(transmitter, "LOST_S", 0.1)
         chromium.kill()
-        until(lambda: not loop.state["heard"], "the receiver hears nothing")
+        until(lambda: not loop.state["receiving"], "the receiver gets no signal")
         until(lambda: bool(loop.state["over"]), "the vehicle stands, and the ride is over")
     assert loop.trips == 1 and loop.state["said"] == "no receiver: it stands"
     until(lambda: bool(loop.reports), "a report")

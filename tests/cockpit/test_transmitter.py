@@ -31,16 +31,16 @@ def test_the_receiver_hears_150_frames_a_second_with_the_newest_sticks() -> None
 def test_a_page_that_falls_silent_is_a_lost_receiver() -> None:
     wall = Wall()
     radio = Transmitter(lambda: wall.now_s)
-    assert not radio.heard and not frames_of(radio, 0, 100), "before a page has spoken"
+    assert not radio.receiving and not frames_of(radio, 0, 100), "before a page has spoken"
     radio.accept_sticks(Sticks())
     radio.accept_sticks(Sticks(on=True))
     wall.now_s = transmitter.LOST_S
-    assert radio.heard and frames_of(radio, 100, 200)
+    assert radio.receiving and frames_of(radio, 100, 200)
     wall.now_s = transmitter.LOST_S + 1e-3
-    assert not radio.heard and not frames_of(radio, 200, 300)
-    assert radio.sticks.on, "the receiver keeps what it heard last"
+    assert not radio.receiving and not frames_of(radio, 200, 300)
+    assert radio.sticks.on, "the receiver keeps its last frame"
     radio.accept_sticks(Sticks())
-    assert radio.heard and frames_of(radio, 300, 400)
+    assert radio.receiving and frames_of(radio, 300, 400)
     assert not radio.sticks.on
 
 

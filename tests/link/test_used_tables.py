@@ -90,7 +90,7 @@ def test_steps_are_unwrapped() -> None:
 def test_a_commit_whose_announcement_was_lost_is_known_to_have_been_one() -> None:
     (change,) = fed([STAGED, COMMITTED]).changes
     assert not change.announced and change.params(quantities.control_of(by_name(DEFAULT))) is None
-    assert "the frame that tells the step is missing" in change.why_unknown
+    assert "the frame with the step is missing" in change.why_unknown
     assert not fed([said("ACK", MESSAGES["PARAM_COMMIT"].identifier, parameters.crc32(DEFAULT))]).changes
 
 
@@ -248,7 +248,7 @@ def test_two_changes_of_another_host_in_a_row_leave_the_first_unverified(watched
     collect(watched, 100)
     shadow = watched.shadow
     assert (shadow.verdict, shadow.unverified_from, shadow.divergence) == ("unverified", at, None)
-    assert shadow.unverified_why.endswith("and nothing tells the new ones")
+    assert shadow.unverified_why.endswith("and no frame has the new ones")
 
 
 def test_a_board_that_does_not_send_its_table_leaves_the_steps_unverified(

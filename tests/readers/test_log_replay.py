@@ -191,7 +191,7 @@ def test_steps_after_a_change_of_parameters_are_unverified(whole: Path, tmp_path
         done = on_native(path)
         assert done.verdict == verdict and done.compared == (12 if verdict == "unverified" else done.recorded.run.steps)
     assert "unverified" in (said := on_native(tmp_path / "pid.kp_q221.plog").statement().text)
-    assert said.endswith("another table was committed about step 12, and the frame that tells the step is missing")
+    assert said.endswith("another table was committed about step 12, and the frame with the step is missing")
 
 
 @pytest.fixture(scope="module")
@@ -320,7 +320,7 @@ def test_a_change_whose_table_nobody_told_is_unverified_from_its_step_on(changed
 
     done = on_native(with_frames(changed, tmp_path / "unheard.plog", unheard))
     assert (done.verdict, done.unverified_from, done.differ) == ("unverified", first, 0)
-    assert done.statement().text.endswith(f"the parameters changed at step {first}, and nothing tells the new ones")
+    assert done.statement().text.endswith(f"the parameters changed at step {first}, and no frame has the new ones")
     read = with_frames(
         changed, tmp_path / "read.plog", lambda frames: np.delete(frames, places(frames, "PARAM_STAGED"))
     )

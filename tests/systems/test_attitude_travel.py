@@ -135,8 +135,8 @@ def flight(pitch_deg: float, drag_per_s: float, seconds: float) -> tuple[Counts,
     return raw, up, np.asarray(np.where(np.arange(n) < rest, 0.0, 0.45), np.float64)
 
 
-def flown(raw: Counts, thrust: FloatArray, told_per_s: float) -> Words:
-    tuning = replace(attitude.DEFAULT, period_us=PERIOD_US, aid=Aid(drag_per_s=told_per_s, hover=0.45))
+def flown(raw: Counts, thrust: FloatArray, setting_per_s: float) -> Words:
+    tuning = replace(attitude.DEFAULT, period_us=PERIOD_US, aid=Aid(drag_per_s=setting_per_s, hover=0.45))
     channels = {
         name: replace(getattr(tuning, name), zero_counts=0.0, unit_per_count=unit, min_counts=-32767, max_counts=32767)
         for name, unit in (("gyro", UNIT_DPS), ("accel", UNIT_G))
@@ -155,7 +155,7 @@ def test_the_drag_of_the_rotors_holds_the_vertical_of_a_pitched_flight() -> None
     speed_mps = G_MPS2 * np.hypot(aided["velocity_gs_q28_0"], aided["velocity_gs_q28_1"]) / 2.0**28
     # The thrust that pitch takes sideways against the drag: within a tenth it has settled.
     assert speed_mps[-1] == pytest.approx(G_MPS2 * np.tan(np.radians(15.0)) / 0.2, rel=0.1)
-    assert error_deg(flown(raw, thrust, 0.3), up)[begun:].max() < 4.0, "told half as much again"
+    assert error_deg(flown(raw, thrust, 0.3), up)[begun:].max() < 4.0, "set half as large again"
 
 
 def test_a_gust_makes_the_stated_tilt_as_large_as_the_error_that_it_brings() -> None:

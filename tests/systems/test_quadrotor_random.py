@@ -27,7 +27,7 @@ def test_frames_are_of_any_size_and_any_thrust() -> None:
         ([one.thrust_max_n / one.weight_n for one in frames], random_frames.THRUST_BY_WEIGHT),
         ([one.mass_kg for one in frames], random_frames.MASS_KG),
         ([frame_tuning.lag_s(one) for one in frames], random_frames.LAG_S),
-        ([one.drag_per_s / one.drag_told_per_s for one in frames], random_frames.DRAG_BY_TOLD),
+        ([one.drag_per_s / one.drag_setting_per_s for one in frames], random_frames.DRAG_BY_SETTING),
     ):
         assert low <= min(values) < low * 1.1 and high / 1.1 < max(values) <= high
     assert all(random_frames.flies(one.mass_kg, frame_tuning.lag_s(one)) for one in frames)

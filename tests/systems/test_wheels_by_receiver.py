@@ -127,7 +127,7 @@ def test_the_riders_switch_takes_the_duties_of_a_board_that_a_host_armed(monkeyp
     [
         ({"calibrated": 0}, "never calibrated"),
         ({"battery_min_mv": 6600}, "the battery is low"),
-        ({"receiver": 3}, "receiver is lost, or was never heard"),
+        ({"receiver": 3}, "no frames from the pilot's receiver"),
     ],
 )
 def test_what_keeps_a_rider_from_arming_is_named(words: dict[str, int], why: str) -> None:

@@ -35,7 +35,7 @@ def text(
     said: Sequence[Statement],
     identity: Mapping[str, object],
 ) -> str:
-    """The page. said: statements besides how many runs there are."""
+    """The page. said: statements in addition to the number of runs."""
     done = len(results) - len(results.failed)
     statements = [Statement("runs", f"{done} of {len(results)} were run to their end", done == len(results))]
     statements += said
@@ -114,7 +114,7 @@ def difference_table(differences: Sequence[Difference]) -> Table:
         for one in differences
     ]  # fmt: skip
     note = "Runs of one seed are a pair. A difference is real when 0 lies outside its interval; else it is not shown."
-    return Table("Beside the other campaign", head, lines, note)
+    return Table("Compared with the other campaign", head, lines, note)
 
 
 def point_table(points: Sequence[Point], shown: Sequence[str]) -> Table:

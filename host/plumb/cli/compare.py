@@ -54,10 +54,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", action="append", metavar="NAME", help="this motion or flight only; repeatable")
     parser.add_argument("--seeds", type=int, metavar="N", help="seeds of a motion or flight, from 1000 on (default 4)")
     parser.add_argument(
-        "--drag-told",
+        "--drag-setting",
         type=float,
         metavar="D",
-        help="rotor drag by mass that an estimator with such an aid is told, 1/s (default: what suits the airframe)",
+        help="rotor drag by mass, 1/s, set in estimators that use it (default: that of the airframe)",
     )
     parser.add_argument("--algorithm", action="append", metavar="NAME", help="run this one; repeatable (default: all)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html and DIR/comparison.json")
@@ -77,8 +77,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError("there is nothing to compare on: name recordings, or give --motions or --flights")
     if (arguments.only or arguments.seeds is not None) and not (arguments.motions or arguments.flights):
         raise UsageError("--only and --seeds choose among motions or flights: give --motions or --flights")
-    if arguments.drag_told is not None and not (arguments.flights and 0.0 <= arguments.drag_told <= 2.0):
-        raise UsageError("--drag-told belongs to --flights, and is 0 (no aid) to 2 per second")
+    if arguments.drag_setting is not None and not (arguments.flights and 0.0 <= arguments.drag_setting <= 2.0):
+        raise UsageError("--drag-setting belongs to --flights, and is 0 (no aid) to 2 per second")
     if arguments.seeds is not None and arguments.seeds < 1:
         raise UsageError(f"--seeds is 1 or more, not {arguments.seeds}")
     results, algorithms = _flown(arguments) if arguments.flights else _replayed(arguments)
@@ -139,5 +139,5 @@ def _flown(arguments: argparse.Namespace) -> tuple[list[Compared], tuple[Estimat
     names, algorithms = inputs.chosen(arguments.only or ()), estimators(arguments.algorithm or ())
     seeds = range(inputs.FIRST_SEED, inputs.FIRST_SEED + (arguments.seeds or inputs.SEEDS))
     with tqdm(total=inputs.seconds(names), unit="s", disable=None, leave=False) as bar:
-        told = arguments.drag_told
+        told = arguments.drag_setting
         return [inputs.flown(name, seeds, algorithms, bar.update, told) for name in names], algorithms

@@ -29,7 +29,7 @@ EULER = ("yaw_deg", "pitch_deg", "attitude_roll_deg")
 BLOCKS, ASCII_BLOCKS = "▁▂▃▄▅▆▇█", "_.-=+*%@"
 NARROWEST_COURSE, WIDEST_COURSE = 10, 100
 ROW_WIDTH = 58
-"""Columns of the terminal that a row needs beside the course."""
+"""Columns of the terminal that a row needs in addition to the course."""
 KEYS = "q quit   space freeze   r reset min and max   + - time span"
 
 
@@ -230,7 +230,7 @@ def _battery(s: Snapshot) -> list[RenderableType]:
 
 
 def _row(name: str, text: str, style: str = "") -> Table:
-    """A name and a text that wraps beside it."""
+    """A name, and to its right a text that wraps."""
     row = Table.grid(padding=(0, 1))
     row.add_column(width=18, no_wrap=True)
     row.add_column(overflow="fold")

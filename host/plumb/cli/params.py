@@ -19,7 +19,7 @@
     plumb params profile save windy --board serial:/dev/ttyUSB0
     plumb params profile use windy --board serial:/dev/ttyUSB0
 
-Values are in the unit that `list` shows beside each: deg, deg/s, g, s, us. The board holds integers, each within 0.1 %
+Values are in the unit that `list` shows: deg, deg/s, g, s, us. The board holds integers, each within 0.1 %
 of its value; a value that its integer would miss by more is refused. `period_us` is the period of a step for the timer
 and for the filter. A name may be short (`pid.kp`) or whole (`pid.kp_per_deg`). `list` marks with a star what differs
 from the shipped tuning that the parameters came from, and shows the tuning's value. --raw shows and takes the integers
@@ -39,7 +39,7 @@ board every time: a change shows whether a board accepts it.
 `diff` compares two of: board, tuning (the shipped one that the board's parameters came from), defaults (factory
 values), profile:NAME, or a file; exit code 1 says that they differ. `undo` takes back the last change that was made
 from this computer, in this session or an earlier one; again, the one before. A profile is a name for a whole table, of
-this board alone: boards are told apart by their unique id. Changes and profiles lie in the platform's places (Linux:
+this board alone: boards are identified by their unique id. Changes and profiles lie in the platform's places (Linux:
 ~/.local/state/plumb, ~/.config/plumb).
 """
 
@@ -113,6 +113,7 @@ def main(arguments: argparse.Namespace) -> int:
             raise UsageError("`profile list` takes no name: it shows every profile of the board")
         raise UsageError(f"say which profile: plumb params profile {arguments.what} NAME")
     warnings: list[str] = []
-    integers = params_sources.integers_asked(arguments, warnings)  # a mistake in them is told before a board is opened
+    # A mistake in the values is reported before a board is opened.
+    integers = params_sources.integers_asked(arguments, warnings)
     with options.linked_board_of(arguments) as board:
         return params_session.with_board(arguments, board.session, integers, warnings)

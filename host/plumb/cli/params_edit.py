@@ -31,7 +31,7 @@ def edit(arguments: argparse.Namespace) -> int:
     with options.linked_board_of(arguments) as board:
         board.session.require_match()
         table = Parameters(board.session).words
-    title = "Parameters in the units beside them. Save and close to commit what you change; empty the file to leave it."
+    title = "Parameters, each with its unit. Save and close to commit what you change; empty the file to leave it."
     before = quantities_file.text_of(table, title)
     folder = Path(tempfile.mkdtemp(prefix="plumb-params-"))
     arguments.file = folder / "params.toml"

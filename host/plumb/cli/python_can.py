@@ -15,7 +15,7 @@ MF4 = "can.io.mf4"
 
 
 class _NoAsammdf(MetaPathFinder):
-    """Tells python-can's module that asammdf is not installed, and nobody else."""
+    """Makes asammdf look missing to python-can's MF4 module, and to no other importer."""
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
         if name == "asammdf" and MF4 in sys.modules and not hasattr(sys.modules[MF4], "MF4Writer"):

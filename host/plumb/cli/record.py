@@ -5,9 +5,9 @@
     plumb record --bus can:socketcan:can0 --out bus.asc
 
 With --board, the log is today.plog: identity, image, parameters, DBC, and every frame, with the raw counts, digests and
-signals of the steps. today.html shows the signals over time. --format writes further files beside it, as plumb export
-does later: csv, parquet, blf, asc, log (candump), trc, mf4. plumb replay reproduces a log on any board. Without --run
-the command only listens to the run in progress, which can be reproduced only if its beginning is in the log.
+signals of the steps. today.html shows the signals over time. --format writes further files to the same folder, as plumb
+export does later: csv, parquet, blf, asc, log (candump), trc, mf4. plumb replay reproduces a log on any board. Without
+--run the command only listens to the run in progress, which can be reproduced only if its beginning is in the log.
 
 With --bus no frame is sent; the suffix of the file names its format: .plog, or .asc .blf .csv .log .trc.
 
@@ -184,7 +184,7 @@ def files_of(arguments: argparse.Namespace) -> tuple[Path, list[Path]]:
 
     path = log_path(arguments)
     if path.suffix != SUFFIX:
-        raise UsageError(f"{path}: the log of a board ends in {SUFFIX}; --format writes other formats beside it")
+        raise UsageError(f"{path}: the log of a board ends in {SUFFIX}; --format writes other formats as well")
     if path.exists() and not arguments.force:
         raise UsageError(exists_sentence(path))
     exports = [path.with_suffix(f".{name}") for name in dict.fromkeys([*arguments.format, "html"])]

@@ -31,7 +31,7 @@ def report(
     more: Sequence[Statement] = (),
 ) -> ExitCode:
     """Write the folder of --out, print the summary, and return the exit code of the verdict. verdict: where it is about
-    more than the run; more: statements besides those of the run."""
+    more than the run; more: statements in addition to those of the run."""
     files = write(arguments, run, summary, statements=more)
     print(json.dumps(summary) if arguments.json else "\n".join([*describe(run, summary, more), *files]))
     return exit_code_of(verdict or run.verdict)

@@ -146,7 +146,7 @@ def presets(name: str) -> Iterator[str]:
         "condition": "conditions (--condition NAME=NUMBER)",
         "fault": "faults (--fault KIND[:WHAT]@START[-STOP])",
     }
-    yield f"{name}: {systems.SYSTEMS[name]}; every {system.PERIOD_US / 1000:g} ms (* unless told otherwise)"
+    yield f"{name}: {systems.SYSTEMS[name]}; every {system.PERIOD_US / 1000:g} ms (* marks the default)"
     for option, texts in named(name).items():
         if texts:
             yield f"{titles[option]}:"

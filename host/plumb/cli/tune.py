@@ -30,8 +30,8 @@ or the board cannot hold them.
 step), fits a plant with lag and delay to the tilt rate, and works out gains with the wanted margins of phase, gain and
 delay. On `native` and `virtual` the system's plant is simulated, and the test is repeated with the new gains. On a
 board behind a link the test arms the board and moves the machine: only with --arm-and-move.
-Of a vehicle with a receiver the stick of one loop (--loop) is excited, in simulation only; the page of the system says
-what its margins are of. A real vehicle is never armed for a test: fly it by its receiver and record with
+On a vehicle with a receiver, `pid` excites the stick of one loop (--loop), in simulation only; the page of the system
+says which loops the margins belong to. A real vehicle is never armed for a test: fly it by its receiver and record with
 `plumb record --run live`, or fly with `plumb fly`, and give the log. One minute is enough in which the stick of the
 axis moves without a pause, level and gently. Exit code 1 when no gains have the margins.
 
@@ -283,7 +283,7 @@ def tune_flown(arguments: argparse.Namespace, wanted: Wanted) -> bool:
 
 
 def tune_flown_vehicle(arguments: argparse.Namespace) -> bool:
-    """True; raises UsageError for a flight that tells too little."""
+    """True; raises UsageError for a flight that determines too little."""
     settings, lead, tables, told = tune_vehicle.found(arguments)
     give(arguments, "Vehicle, from a flight", lead, tables, [], told)
     if arguments.write:

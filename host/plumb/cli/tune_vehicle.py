@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def found(arguments: argparse.Namespace) -> tuple[dict[str, float], str, list[Table], dict[str, object]]:
-    """Settings by whole name; lead, tables and JSON of what is told. Raises UsageError for a flight that tells too
+    """Settings by whole name; lead, tables and JSON of the report. Raises UsageError for a flight that determines too
     little."""
     from plumb import systems
     from plumb.analyses.identification import flown_loop, vehicle_fit, vehicle_page

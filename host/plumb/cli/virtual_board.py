@@ -114,7 +114,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.can:
         parse_can_end(arguments.can)
     if arguments.ppm and not arguments.receiver:
-        raise UsageError("--ppm plays what --receiver hears: say where that is served, or leave --ppm out")
+        raise UsageError("--ppm plays the frames of --receiver: say where that is served, or leave --ppm out")
     if arguments.receiver:
         parse_endpoint(arguments.receiver)
     traces: list[VcdTrace] = []
@@ -157,7 +157,7 @@ def say(text: str) -> None:
 
 
 def _plant(arguments: argparse.Namespace) -> tuple[Plant | None, HandOrders | None]:
-    """The plant of --system, and what tells the hand of --hand what to do."""
+    """The plant of --system, and the orders for the hand of --hand."""
     from plumb import systems
     from plumb.boards import hand_orders
     from plumb.errors import UsageError

@@ -17,7 +17,7 @@ from plumb.link.listening import BoardWait, Listening
 from plumb.link.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, READY_WAIT_S, Session
 
 Answer = dict[str, object]
-"""What a page hears of its order: `good`, `text`, and what it asked for."""
+"""The answer to an order of a page: `good`, `text`, and the data that it asked for."""
 Reply = Callable[[Answer], None]
 
 AGAIN_S = 0.05
@@ -58,7 +58,7 @@ class Arming:
     # ---- the loop's ----
 
     def begin(self, page: int, reply: Reply, session: Session) -> None:
-        """Arm by the hand of a page; `follow` does it, and reply hears how it ended."""
+        """Arm by the hand of a page; `follow` does it, and reply is called with the result."""
         self._hand, self._reply = page, reply
         self._waited, self._next_s = BoardWait(session.telemetry, session.clock), 0.0
 

@@ -23,7 +23,7 @@ class Light:
 
 
 class Comparison:
-    """The model beside one run. Without params there is no model: `why_not` says why."""
+    """Compares one run with the model. Without params there is no model: `why_not` says why."""
 
     def __init__(self, params: ControlParams | None, why_not: str = "") -> None:
         self.shadow = Shadow(params) if params is not None else None

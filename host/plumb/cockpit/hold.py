@@ -67,6 +67,6 @@ class Hold:
         return self._holder == page
 
     def alive(self, page: int) -> bool:
-        """Whether this page holds the board and was heard within the time-out."""
+        """Whether this page holds the board and sent a heartbeat within the time-out."""
         with self._lock:
             return self._holder == page and self._clock() - self._seen_s <= self.timeout_s

@@ -1,8 +1,8 @@
 """Orders about the parameters of a board, in units: list, describe, set.
 
-What a page is told comes from the table that the loop knows, not from the board: describing takes a while, in which
-an armed board would wait for a keep-alive. Gains that the table declares live change while the run goes on. An armed
-board takes a live gain to at most twice or half of what it was at arming; everything else is locked.
+The answers to a page come from the table that the loop knows, not from the board: describing takes a while, in which an
+armed board would wait for a keep-alive. Gains that the table declares live change while the run goes on. An armed board
+takes a live gain to at most twice or half of what it was at arming; everything else is locked.
 """
 
 from __future__ import annotations

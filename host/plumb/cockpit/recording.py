@@ -26,7 +26,8 @@ Item = Batch | Sequence[int] | None
 
 
 class Recording:
-    """At most one recording at a time, into a new log in `folder`. say: called, by any thread, with what to tell.
+    """At most one recording at a time, into a new log in `folder`. say: called, by any thread, with a text for the
+    pages.
     reports: those that are written."""
 
     def __init__(self, folder: Path, command: str, say: Callable[[str], None]) -> None:

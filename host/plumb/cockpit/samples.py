@@ -1,7 +1,7 @@
 """The signals of every step of a run: rows of a ring, which every page reads at its own pace.
 
 A row has a value for each column, NaN where the frame did not arrive. The ring keeps the newest ROWS_KEPT rows; a page
-that was away for longer misses the older ones, and is told how many. What is recorded does not pass through here.
+that was away for longer misses the older ones, and gets their number. Recordings do not pass through here.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ ASK_EVERY_S = 1.0
 ASKED_MOST = 5
 """Requests before the table counts as lost."""
 TABLE_MESSAGES = ("PARAM_SET", "PARAM_STAGED", "PARAM_VALUE", "PARAM_USED", "ACK", "HELLO", "IDENTITY")
-"""Messages that tell what a board's table is, and since when."""
+"""Messages that report a board's table, and the first step that used it."""
 
 
 class TableState(Enum):
@@ -99,10 +99,10 @@ class TableChange:
     def why_unknown(self) -> str:
         """Why the steps from this one on cannot be verified, when `params` gives none."""
         if not self.announced:
-            return f"another table was committed about step {self.step}, and the frame that tells the step is missing"
+            return f"another table was committed about step {self.step}, and the frame with the step is missing"
         if self.step < 0:
-            return "the frame that tells the first step of other parameters names one before the run"
-        return f"the parameters changed at step {self.step}, and nothing tells the new ones"
+            return "the frame with the first step of other parameters names one before the run"
+        return f"the parameters changed at step {self.step}, and no frame has the new ones"
 
 
 class UsedTables:

@@ -26,7 +26,7 @@ Point = tuple[float, float, float]
 class Airframe:
     """rotors_m: where they are; spin: +1 of a rotor that turns counter-clockwise seen from above, else -1. A rotor at w
     rad/s pushes up with thrust * w^2, is turned back with moment_m times that, drags by rotor_drag * w * speed across
-    its axis, and rolls by rolling_moment * w * speed about the direction of that speed. drag_told_per_s: the
+    its axis, and rolls by rolling_moment * w * speed about the direction of that speed. drag_setting_per_s: the
     value for an estimator that uses the drag; more than drag_per_s, because the frame has drag, too."""
 
     mass_kg: float
@@ -42,7 +42,7 @@ class Airframe:
     lag_down_s: float = 0.025
     drag_area_m2: float = 0.012
     drag_above_m: float = 0.03
-    drag_told_per_s: float = 0.0
+    drag_setting_per_s: float = 0.0
     leg_out_m: float = 0.12
     leg_down_m: float = 0.08
     leg_spring_npm: float = 600.0
@@ -99,7 +99,7 @@ HUMMINGBIRD = Airframe(
     speed_max_radps=838.0,
     rotor_drag_kg=8.06428e-5,
     rolling_moment_kgm=1e-6,
-    drag_told_per_s=0.28,
+    drag_setting_per_s=0.28,
 )
 IRIS = Airframe(
     mass_kg=1.5 + 0.015 + 4 * 0.005,
@@ -111,7 +111,7 @@ IRIS = Airframe(
     speed_max_radps=1100.0,
     rotor_drag_kg=1.75e-4,
     rolling_moment_kgm=1e-6,
-    drag_told_per_s=0.5,
+    drag_setting_per_s=0.5,
     leg_out_m=0.15,
     leg_down_m=0.1,
 )
@@ -129,7 +129,7 @@ RACER_X = Airframe(
     lag_down_s=0.04,
     drag_area_m2=0.01,
     drag_above_m=0.015,
-    drag_told_per_s=0.3,
+    drag_setting_per_s=0.3,
     leg_out_m=0.06,
     leg_down_m=0.03,
 )

@@ -116,7 +116,7 @@ def _checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
     time_s, gyr, acc = columns["time_s"], columns["gyr"], columns["acc"]
     n = len(time_s) if time_s.ndim == 1 else -1
     if n < 1 or gyr.shape != (n, 3) or acc.shape != (n, 3):
-        raise UsageError(f"{path.name}: gyr {gyr.shape} and acc {acc.shape} are not (N, 3) beside {n} time stamps")
+        raise UsageError(f"{path.name}: gyr {gyr.shape} and acc {acc.shape} are not (N, 3) for {n} time stamps")
     for name, values in (("time_s", time_s), ("gyr", gyr), ("acc", acc)):
         bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(1))
         if len(bad):
@@ -133,7 +133,7 @@ def _checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
         raise UsageError(f"{path.name} exceeds {limits}; are its units those of the format?")
     quat, movement = columns.get("ref_quat"), columns.get("movement", np.ones(n))
     if (quat is not None and quat.shape != (n, 4)) or movement.shape != (n,):
-        raise UsageError(f"{path.name}: ref_quat is not (N, 4), or movement not (N,), beside {n} samples")
+        raise UsageError(f"{path.name}: ref_quat is not (N, 4), or movement not (N,), for {n} samples")
     return Recording(path, time_s - time_s[0], gyr, acc, quat, np.nan_to_num(movement) != 0.0)
 
 

@@ -88,7 +88,7 @@ NOT_READY = {
     2: Bit("converged", "the filter has not converged: hold it still"),
     3: Bit("setpoint", "the setpoint is not 0"),
     4: Bit("tilt", "it is tilted too far: bring it level or upright"),
-    5: Bit("receiver_heard", "the pilot's receiver is lost, or was never heard"),
+    5: Bit("receiver_frames", "no frames from the pilot's receiver"),
     6: Bit("rotors_off", "the pilot's switch is on: switch the motors off first"),
     7: Bit("lock_open", "the arm switch on the board is closed: it locks out the pilot"),
     8: Bit("battery_full", "the battery is low: charge it, or set battery_min_mv lower"),

@@ -95,7 +95,7 @@ ADXL345_ON_SPI = Device(
     ),
     8,
 )
-SPI_NOTE = "The board has to be told where the accelerometer is: plumb params set accel_bus=1 --save."
+SPI_NOTE = "Set the bus of the accelerometer: plumb params set accel_bus=1 --save."
 MPU6050 = Device(
     "MPU-6050 (GY-521 module)",
     (
@@ -107,7 +107,7 @@ MPU6050 = Device(
     19.2,
 )
 MPU6050_NOTES = (
-    "The board has to be told that one chip is both: plumb params set accel_bus=2 --save.",
+    "Set that one chip is both sensors: plumb params set accel_bus=2 --save.",
     "A GY-521 has 4.7 kΩ of its own on SCL and SDA. XDA, XCL and INT stay open.",
 )
 PULL_DOWN = "10 kΩ to GND"

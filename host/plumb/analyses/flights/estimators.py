@@ -52,7 +52,7 @@ class FlownSystem(Protocol):
 
     def begin(self, grade: ImuGrade, frame: Airframe, period_us: int, runs: int, /) -> Flown:
         """The estimators of so many runs before the first step; one that uses the drag of the rotors takes it as
-        `frame.drag_told_per_s`. Raises UsageError for a period that it cannot have."""
+        `frame.drag_setting_per_s`. Raises UsageError for a period that it cannot have."""
 
 
 FLIGHT = Part[FlownSystem]("flight", FlownSystem, without="no vehicle is flown on it", place="judging")

@@ -35,13 +35,13 @@ def flown(
     seeds: Sequence[int],
     estimators: Sequence[Estimator],
     done: Callable[[float], object],
-    drag_told_per_s: float | None = None,
+    drag_setting_per_s: float | None = None,
 ) -> Compared:
     """One flight by all estimators. done: called with the seconds that were flown since the last call;
-    drag_told_per_s: what an estimator that uses the drag is told, None: what suits the airframe."""
+    drag_setting_per_s: set in estimators that use the drag; None: that of the airframe."""
     flight = FLIGHTS[name]
-    if drag_told_per_s is not None:
-        flight = replace(flight, frame=replace(flight.frame, drag_told_per_s=drag_told_per_s))
+    if drag_setting_per_s is not None:
+        flight = replace(flight, frame=replace(flight.frame, drag_setting_per_s=drag_setting_per_s))
     what = Input(name, flight.title, GRADE, 1, lambda: (), len(seeds), flight.grade.bias_dps)
     flights = fly(flight, seeds, estimators, done)
     rows = [row for at, seed in enumerate(seeds) for one in flights if (row := _row(name, one, at, seed)) is not None]

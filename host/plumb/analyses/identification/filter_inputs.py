@@ -70,7 +70,7 @@ def inputs_of(
     if seconds is not None:
         steps = recording.steps_in(seconds, tuning.period_us, len(raw))
     if steps < LEAST_STEPS:
-        raise UsageError(f"{path.name}: {steps} steps are too few to tell Q and R: give {LEAST_STEPS} or more")
+        raise UsageError(f"{path.name}: {steps} steps are too few to determine Q and R: give {LEAST_STEPS} or more")
     measured = _measured(tuning, raw[:steps])
     title = f"{path.name}" + ("" if rest.is_log(path) else f" about {axis}")
     return FilterInputs(title, tuning_name or name, tuning, measured, truth_deg[:steps], scored[:steps])

@@ -58,7 +58,7 @@ def tables(inputs: FilterInputs, fit: FilterFit) -> list[Table]:
     for name in NAMES:
         before = f"{getattr(inputs.start, name):.5g}"
         if name in fit.kept:
-            rows.append([whole[name], before, before, "the recording does not tell it: kept"])
+            rows.append([whole[name], before, before, "the recording does not determine it: kept"])
             continue
         figure = fit.figures[name]
         told = f"{figure.low:.3g} to {figure.high:.3g}" if np.isfinite(figure.high) else "flat: not known"

@@ -165,7 +165,7 @@ def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, period
         session.end()
     steps = first + len(setpoint)
     if capture.unverified_from(steps) is not None:
-        raise LinkError("samples were lost on the link in the test: nothing can be told from it; take a faster link")
+        raise LinkError("samples were lost on the link in the test: its result is not valid; take a faster link")
     raw, used = (
         capture.raw_counts(steps)[:, : declarations.system(params.system).inputs],
         capture.setpoints.of_steps(steps),

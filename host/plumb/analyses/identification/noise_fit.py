@@ -106,7 +106,7 @@ class Spectrum:
         from scipy.fft import dst
 
         if len(values) < LEAST_SAMPLES:
-            raise UsageError(f"{len(values)} samples at rest are too few to tell noise: give {LEAST_SAMPLES} or more")
+            raise UsageError(f"{len(values)} samples at rest are too few to measure noise: {LEAST_SAMPLES} or more")
         if float(np.ptp(values)) == 0.0:
             raise UsageError("the signal does not change at all: its noise is below the step of its counts")
         differences = np.diff(values)

@@ -19,7 +19,7 @@ SHOWN = {"g": (1e3, "mg")}
 KINDS = {True: "Gyro", False: "Accelerometer"}
 MEASURE = (
     "Figures of IEEE Std 952 with their 95 % intervals, fitted together by maximum likelihood. <: the recording is too "
-    "short to tell it from none; the figure is the most that it can be."
+    "short to distinguish it from none; the figure is the most that it can be."
 )
 CURVES = (
     "Dots: overlapping Allan deviation with its 95 % interval. Lines: the fitted noises together. White noise falls "

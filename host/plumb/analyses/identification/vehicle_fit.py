@@ -115,8 +115,8 @@ def fit(flight: FlownVehicle) -> VehicleFit:
     half = float(np.hypot(halves[0], 1.96 * SCALE * solved[0]))
     if solved[0] <= 0.0 or half > MOST_UNCERTAIN * solved[0]:
         raise UsageError(
-            f"the flight does not tell the drag: its speed changed by {speed_mps:.1f} m/s rms within {WINDOW_S:g} s; "
-            "fly to and fro by 15 to 30 deg for a minute, in mode level"
+            f"the flight does not determine the drag: its speed changed by {speed_mps:.1f} m/s rms within"
+            f" {WINDOW_S:g} s; fly to and fro by 15 to 30 deg for a minute, in mode level"
         )
     x, y = (Estimate(float(solved[i]), float(halves[i])) for i in (1, 2))
     seen = max(x.half, y.half) <= 1e-3 * OFFSET_SEEN_MG
@@ -216,7 +216,7 @@ def _hover(flight: FlownVehicle, cut: Steps, size: int) -> Estimate:
     used = (felt > HOVERS_G[0]) & (felt < HOVERS_G[1]) & (thrust > 0.01) & (turning < SLOW_RADPS)
     telling = np.flatnonzero(used.any(axis=1))
     if len(telling) < LEAST_WINDOWS:
-        raise UsageError("the flight does not tell the thrust of a hover: hold the height for half a minute")
+        raise UsageError("the flight does not determine the thrust of a hover: hold the height for half a minute")
     force, command = np.log(np.where(used, felt, 1.0)), np.log(np.where(used, thrust, 1.0))
 
     def solved(chosen: Steps) -> FloatArray:

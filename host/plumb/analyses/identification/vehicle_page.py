@@ -10,9 +10,9 @@ from plumb.proof.report import Table
 
 NOTE = (
     "Intervals of 95 % for flights like this one. The drag is that of rotors and frame together at its speeds: it is "
-    "what an estimator is told."
+    "the value to set in an estimator."
 )
-UNSEEN = "Offsets of the accelerometer are not told: without turns of the heading they look like wind."
+UNSEEN = "Offsets of the accelerometer are not reported: without turns of the heading they look like wind."
 
 
 def tables(fit: VehicleFit, settings: Mapping[str, float]) -> list[Table]:

@@ -12,12 +12,12 @@ import { Rows } from "./rows.js";
 import { fixed } from "./scale.js";
 import { View } from "./view.js";
 
-const FRAME_MS = 1000 / 30, EARLY_MS = 4, COLOURS = 8, BESIDE_S = 0.5;
+const FRAME_MS = 1000 / 30, EARLY_MS = 4, COLOURS = 8, MARGIN_S = 0.5;
 const rows = new Rows(), view = new View(rows);
 let state = null, run = null, plots = [], shownColumns = "", style = {}, drawnAt = 0, attitudeDrawn = "", cursorDrawn = "";
 
 // The page that holds the board is its dead man's handle: a hidden page is a hand off it.
-const link = new Link(rows, { heard: showState, answered: showAnswer, silent, alive: () => state?.holds && !document.hidden });
+const link = new Link(rows, { received: showState, answered: showAnswer, silent, alive: () => state?.holds && !document.hidden });
 const parameters = new ParameterList(byId("rows"), (what, then) => link.order(what, then));
 
 function stop() { link.send({ do: "stop" }); }
@@ -175,7 +175,7 @@ function readParameters() {
 byId("filter").addEventListener("input", () => parameters.filter(byId("filter").value));
 byId("result-show").addEventListener("click", () => {
   const { begin_s: begin, seconds } = state.result;
-  view.show(begin - BESIDE_S, begin + seconds + BESIDE_S);
+  view.show(begin - MARGIN_S, begin + seconds + MARGIN_S);
 });
 for (const button of document.querySelectorAll("[data-do]")) {
   const what = button.dataset.do;

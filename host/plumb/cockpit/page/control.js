@@ -48,7 +48,7 @@ let movedAt = -Infinity;
 // The slider was moved by hand: for a while it does not follow the board.
 export function setpointMoved() { movedAt = performance.now(); }
 
-// The value beside the slider is the board's own: what its newest step used. The slider follows it.
+// The value next to the slider is the board's own: the setpoint that its newest step used. The slider follows it.
 function showSetpoint({ unit, most, used }, usable, test) {
   const slider = byId("setpoint-value"), size = byId("step-size");
   if (slider.max !== String(most)) {

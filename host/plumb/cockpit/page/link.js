@@ -3,15 +3,15 @@
 const HEARTBEAT_MS = 100, RECONNECT_MS = 1000, SILENT_MS = 1500;
 
 export class Link {
-  // rows: get the samples; heard: called with a state; answered: with an answer; silent: when the server is.
+  // rows: get the samples; received: called with a state; answered: with an answer; silent: called when the server is silent.
   // alive: whether to send heartbeats.
-  constructor(rows, { heard, answered, silent, alive }) {
-    Object.assign(this, { rows, heard, answered, silent, alive, socket: null, number: 0, heardAt: 0 });
+  constructor(rows, { received, answered, silent, alive }) {
+    Object.assign(this, { rows, received, answered, silent, alive, socket: null, number: 0, receivedAt: 0 });
     this.tick = this.drawnTick = 0;
     this.waiting = new Map();
     this.connect();
     setInterval(() => { if (alive()) this.send({ do: "alive", tick: this.drawnTick }); }, HEARTBEAT_MS);
-    setInterval(() => { if (performance.now() - this.heardAt > SILENT_MS) silent(); }, SILENT_MS / 2);
+    setInterval(() => { if (performance.now() - this.receivedAt > SILENT_MS) silent(); }, SILENT_MS / 2);
   }
 
   connect() {
@@ -26,12 +26,12 @@ export class Link {
   }
 
   take(data) {
-    this.heardAt = performance.now();
+    this.receivedAt = performance.now();
     if (typeof data !== "string") { this.tick = this.rows.push(data); return; }
     const said = JSON.parse(data);
     if (said.type !== "state") { this.answer(said); return; }
     this.tick = said.tick;
-    this.heard(said);
+    this.received(said);
   }
 
   // Everything that came is on the screen. A heartbeat is for the newest picture that was drawn, so that a page that

@@ -80,7 +80,7 @@ export class Plot {
     stretch.style.width = `${(brush[1] - brush[0]) * width}px`;
   }
 
-  // The values of a row, beside the names; -1: none.
+  // The values of a row, next to the names; -1: none.
   showValues(row) {
     for (const { output, column } of this.signals) {
       const text = row < 0 ? "–" : shown(this.rows.values[column][row & MASK]);

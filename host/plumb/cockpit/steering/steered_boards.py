@@ -92,8 +92,8 @@ class VirtualSteered:
 
     def pass_us(self, time_us: int) -> None:
         machine = self._virtual.machine
-        if heard := self._radio(machine.now_s - self._begin_s):
-            machine.usart3.receive(heard)
+        if received := self._radio(machine.now_s - self._begin_s):
+            machine.usart3.receive(received)
         machine.advance_us(time_us)
 
 

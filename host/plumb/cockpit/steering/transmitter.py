@@ -1,6 +1,6 @@
 """The transmitter and the receiver on the board: sticks of a page become frames of CRSF on the receiver's line.
 
-The receiver hears 150 frames a second, all with the newest sticks. A page that has sent none for LOST_S is a lost
+The receiver gets 150 frames a second, all with the newest sticks. A page that has sent none for LOST_S is a lost
 receiver: nothing is sent until it speaks again. A browser that was closed, is hidden or hangs is such a page.
 """
 
@@ -14,7 +14,7 @@ from plumb.spec import crsf
 
 FRAME_S = 1.0 / 150.0
 LOST_S = 0.1
-"""A page that was silent for this long, by the clock of this machine, is not heard."""
+"""After this long without a message from the page, by the clock of this machine, the receiver gets no frames."""
 
 
 @dataclass(frozen=True)
@@ -60,14 +60,14 @@ class Transmitter:
         return self._time_s < self._silent_s
 
     @property
-    def heard(self) -> bool:
-        """Whether the receiver hears the transmitter."""
+    def receiving(self) -> bool:
+        """Whether the receiver gets frames."""
         return not self.silenced and self._clock() - self._said[1] <= LOST_S
 
     def frames(self, time_s: float) -> bytes:
-        """What the receiver gives the board at this time of the trip."""
+        """The bytes that the receiver sends to the board at this time of the trip."""
         self._time_s = time_s
-        if time_s < self._next_s or not self.heard:
+        if time_s < self._next_s or not self.receiving:
             return b""
         self._next_s = max(self._next_s + FRAME_S, time_s)
         said = self._said[0]

@@ -37,11 +37,11 @@ REST_S = 1.5
 WAIT_S = 120.0
 """A trip that has not been armed for this long begins anew, so that its record does not begin with hours of rest."""
 LOST, LOST_S = "lost", 3.0
-LOST_EVENT = Event("Receiver lost", f"the receiver hears nothing for {LOST_S:g} s", LOST_S)
+LOST_EVENT = Event("Receiver lost", f"the receiver gets no signal for {LOST_S:g} s", LOST_S)
 NEW, HAPPEN = "run", "happen"
 CHIP_HZ = 72e6
 PICTURE_S = 1.0
-"""Sticks of a page whose newest picture is older than this are not heard: nobody sees what he steers."""
+"""Sticks of a page whose newest picture is older than this are ignored: its user does not see what he steers."""
 
 
 class _Vehicles:
@@ -220,7 +220,7 @@ class TripLoop(BoardRun):
             self._renew_plant()
             self.begin()
             return
-        steered = self.transmitter.heard or self.transmitter.silenced
+        steered = self.transmitter.receiving or self.transmitter.silenced
         over = self._went and self._vehicles.vehicle.at_rest() and not (self._armed and steered)
         self._rests_s = (self._rests_s or now_s) if over else None
         if self._rests_s is not None and now_s - self._rests_s > REST_S:
@@ -315,8 +315,8 @@ class TripLoop(BoardRun):
             "armed": self._armed,
             "why": self._why,
             "settled": self._session.clock() - self._begun_s >= self._steered.SETTLED_S,
-            "said": self._steered.said(newest, self.transmitter.heard),
-            "heard": self.transmitter.heard,
+            "said": self._steered.said(newest, self.transmitter.receiving),
+            "receiving": self.transmitter.receiving,
             "on": self.transmitter.sticks.on,
             "rate": self.transmitter.sticks.rate,
             "speed": round(self._pace.speed, 2),

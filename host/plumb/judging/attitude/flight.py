@@ -33,7 +33,7 @@ class Runs:
             period_us=period_us,
             gyro=grade.gyro,
             accel=grade.accel,
-            aid=Aid(drag_per_s=frame.drag_told_per_s, hover=frame.hover_command),
+            aid=Aid(drag_per_s=frame.drag_setting_per_s, hover=frame.hover_command),
         )
         self._core = native_core.Controllers(quantise(tuning), runs)
         flags = [flag.name for flag in system.flags]

@@ -73,16 +73,17 @@ ASSUMED = (
     " scenario; bias from the first 3 s, the axle's acceleration taken off the tilt.",
     f"rocked: held by hand, {balancer.VIBRATION_G['rocked']:g} g of vibration, which makes the source's +-10 deg.",
     "Margins: about upright, the wheels rolling; balance broken at the command of the bridge, the speed loop closed;"
-    " speed at the lean that it asks for. Nothing was asked of them.",
+    " speed at the lean that it asks for. The source has no targets for them.",
 )
 
 
 OPEN_RMS_DEG = {"rough": 0.48, "smooth": 0.40}
 CLOSED_RMS_DEG = {"rough": 0.55, "smooth": 0.48, "endure": 0.55}
 LEAST_MARGINS = {"balance": LeastMargins(45.0, 6.0, 0.005), "speed": LeastMargins(45.0, 6.0, 0.5)}
-"""Nothing was asked of them. Phase: 45 deg. Gain of the balance loop: 5 dB, a factor of 1.78, for a full battery (8.4 V
-on one of 7.4 V), a motor of a quarter more torque and a body of a quarter less inertia, 1.77; these are assumed, as the
-vehicle is. Gain of the speed loop: the usual 6 dB. Delay: a command half a step late; for the speed, half a second."""
+"""The source has no targets for them. Phase: 45 deg. Gain of the balance loop: 5 dB, a factor of 1.78, for a full
+battery (8.4 V on one of 7.4 V), a motor of a quarter more torque and a body of a quarter less inertia, 1.77; these are
+assumed, as the vehicle is. Gain of the speed loop: the usual 6 dB. Delay: a command half a step late; for the speed,
+half a second."""
 ROCKED_MAX_DEG, STAYS_UP_DEG = 5.0, 20.0
 BLENDED_TAU_S = {"rough": 0.6, "smooth": 0.4}
 """Scenario -> time constant of the complementary filter; fitted on seeds 0-19."""

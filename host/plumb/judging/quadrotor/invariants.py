@@ -38,21 +38,21 @@ SWITCHES = 9
 GROUND = reasons.ON_ITS_BACK | reasons.IDLE | reasons.UNSURE
 """Reasons to stop that only the ground gives."""
 INVARIANTS = {
-    "stops": f"while the sensors tell the truth, no rotor stops more than {AIR_M:g} m above the ground but by the"
+    "stops": f"while the sensors are right, no rotor stops more than {AIR_M:g} m above the ground but by the"
     " switch, a lost receiver with `drop`, a blind gyro, or a runaway",
-    "good-flight": "while the sensors tell the truth and all rotors have their thrust, nothing is taken for a runaway"
+    "good-flight": "while the sensors are right and all rotors have their thrust, nothing is taken for a runaway"
     " or a crash",
-    "tilt": f"in mode level, while the sensors tell the truth, the vertical is at most {TILT_DEG:g} deg from what has"
+    "tilt": f"in mode level, while the sensors are right, the vertical is at most {TILT_DEG:g} deg from what has"
     f" been asked for {BEHIND_S:g} s, and the lean at most {TILT_DEG:g} deg beyond the largest that was asked for in"
     f" that time, but for saturation, {BEHIND_S:g} s behind an event, {MODE_S:g} s behind a change of the mode, and"
     f" {LEARNT_S:g} s behind a step of the gyro's bias",
     "calm": f"the same while it is unsure: the lean is at most {CALM_DEG:g} deg ({TILT_DEG:g} with a weak rotor) beyond"
     " what is asked for and the error",
-    "sigma": f"in the air, while the sensors tell the truth, the error of the vertical is at most {SIGMAS:g} sigma"
+    "sigma": f"in the air, while the sensors are right, the error of the vertical is at most {SIGMAS:g} sigma"
     " unless it says that it is unsure",
     "landed": f"with the throttle low, {LIES_STILL_S:g} s of lying still on the ground are known: it may have landed,"
     " and no integral grows",
-    "unasked": "no rotor turns while the switch that the receiver heard last is off",
+    "unasked": "no rotor turns while the switch in the receiver's last frame is off",
 }
 
 

@@ -49,12 +49,12 @@ ASSUMED = (
     " same and lag * rate on the angle.",
     "Assumed: gyro 0.03 deg/s/sqrt(Hz), lag 8 ms, bias +-1 deg/s; angular accelerometer 0.3 deg/s^2/sqrt(Hz), bias +-2"
     " deg/s^2; walks 0.003, scales 0.5 %, spikes of 20 sigma in 0.5 % of the samples of both; fade: raised cosine.",
-    "What fusion adds to `lag undone` is the gyro's scale, as far as the independent scale of the other sensor tells"
+    "What fusion adds to `lag undone` is the gyro's scale, as far as the independent scale of the other sensor shows"
     " it: half of the difference is each one's, so which scales are drawn matters: the headline is over ten blocks of"
     " up to 40 seeds, and `least`, `most` are the outer ones of them. With scale and lag not estimated it adds nothing"
     " to the angle: there the gain is the lag's alone.",
     "white: nothing but noise, so that there is neither scale nor lag to estimate (`known`); `data`, which estimates"
-    " both all the same, stands beside it.",
+    " both all the same, is listed with it.",
     "untrimmed: the patent's figures earned without any lag: scale error of the gyro 1.5 % (data sheet: +-3 %), of the"
     " angular accelerometer 0.5 %.",
 )

@@ -23,18 +23,18 @@ from plumb.systems.wheels.plant import FAULTY
 GONE_S, LIFTED_S, DEAD_S, MOVES_MPS, KERB_S, LIE_S, BEHIND_S = 3.0, 2.0, 0.5, 0.1, 2.0, 5.0, 3.0
 FELL_DEG, FAST_MPS, ERROR_DEG, STEEP_DEG, NUMBER, BOTH = 45.0, 2.0, 4.0, 4.0, 255, 3
 INVARIANTS = {
-    "unasked": "no motor turns while the switch that the receiver heard last is off, nor while the step says why it is"
+    "unasked": "no motor turns while the switch in the receiver's last frame is off, nor while the step says why it is"
     " stopped",
     "gone": f"{GONE_S:g} s after the rider has left, whatever his switch does meanwhile, both duties are 0",
     "lifted": f"no motor turns for {LIFTED_S:g} s in the air, unless both encoders are faulty",
     "dead": f"both encoders without a count for {DEAD_S:g} s, while it moves on the ground at {MOVES_MPS:g} m/s or more"
-    " and gyro and accelerometer tell the truth, stop it",
+    " and gyro and accelerometer are right, stop it",
     "good-ride": "nothing is taken for a sensor that lies, or for wheels in the air, but what is; a kerb not for"
     f" {KERB_S:g} s",
-    "upright": "while the sensors tell the truth it does not fall by a push, a silent receiver, one encoder, or ice"
+    "upright": "while the sensors are right it does not fall by a push, a silent receiver, one encoder, or ice"
     f" under one wheel on a slope of at most {STEEP_DEG:g} deg",
-    "fast": f"while the sensors tell the truth and it drives, it is never faster than {FAST_MPS:g} m/s",
-    "estimate": f"while the sensors tell the truth and it drives with both wheels on dry ground, the tilt is known to"
+    "fast": f"while the sensors are right and it drives, it is never faster than {FAST_MPS:g} m/s",
+    "estimate": f"while the sensors are right and it drives with both wheels on dry ground, the tilt is known to"
     f" {ERROR_DEG:g} deg",
 }
 

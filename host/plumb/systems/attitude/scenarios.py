@@ -104,7 +104,7 @@ MOVES = {"static": "still", "fast": "fast", "centrifuge": "centrifuge", "fall": 
 
 DEFAULT = AttitudeTuning(period_us=PERIOD_US, gyro=STANDARD.gyro, accel=STANDARD.accel)
 VEHICLE_DRAG_PER_S, VEHICLE_WALK_DPS = 0.28, 0.03
-"""Of the tuning `vehicle`: the drag told of a hummingbird (`plumb.physics.airframe`); and the walk of a gyro that warms
+"""Of the tuning `vehicle`: the drag set for a hummingbird (`plumb.physics.airframe`); and the walk of a gyro that warms
 up in flight, by 0.5 deg/s with a time constant of 30 s: in 3 s such a walk strays as far as that warming."""
 TUNINGS = {
     "standard": DEFAULT,

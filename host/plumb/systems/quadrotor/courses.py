@@ -66,7 +66,7 @@ CUT, DEAF, GUST, WEAK, BIAS, SHAKE, SAG, KICK, THROTTLE = (
 )  # fmt: skip
 HAPPENINGS = {
     CUT: "the throttle is low",
-    DEAF: "the receiver hears nothing",
+    DEAF: "the receiver gets no signal",
     GUST: "size: more wind, m/s, in its direction",
     WEAK: "size: share of its thrust that rotor `number` loses",
     BIAS: "size: step of the gyro's bias, deg/s, on the axes whose bits are set in `number`",

@@ -72,7 +72,7 @@ def rates_of(frame: Airframe, accel_radps2: tuple[float, float, float]) -> Rates
 def tuned(shipped: QuadrotorTuning, frame: Airframe) -> QuadrotorTuning:
     """The shipped tuning with gains, drag and hover of a frame."""
     own = rates_of(frame, accelerations_radps2(frame))
-    aid = replace(shipped.attitude.aid, drag_per_s=frame.drag_told_per_s, hover=frame.hover_command)
+    aid = replace(shipped.attitude.aid, drag_per_s=frame.drag_setting_per_s, hover=frame.hover_command)
     return replace(
         shipped,
         attitude=replace(shipped.attitude, aid=aid),

@@ -25,13 +25,13 @@ class TripLink extends Link {
   take(data) {
     const said = JSON.parse(data), shown = KINDS[said.type];
     if (!shown) { super.take(data); return; }
-    this.heardAt = performance.now();
+    this.receivedAt = performance.now();
     this.tick = said.tick ?? this.tick;
     shown(said);
   }
 }
 
-const link = new TripLink(null, { heard: showState, answered: showAnswer, silent, alive: () => false });
+const link = new TripLink(null, { received: showState, answered: showAnswer, silent, alive: () => false });
 
 // Sticks are the page's sign of life: a hidden page sends none, and is a lost receiver.
 const steers = () => Boolean(state?.holds) && !document.hidden;
@@ -88,7 +88,7 @@ function showState(said) {
   if (said.over && hands.on) hands.switchMotors(false);
   setText(byId("system"), said.system);
   showLight(said.light);
-  chip("receiver", said.heard ? "receiver heard" : "receiver lost", said.heard ? "good" : "bad");
+  chip("receiver", said.receiving ? "receiver ok" : "receiver lost", said.receiving ? "good" : "bad");
   chip("armed", said.armed ? "ARMED" : "disarmed", said.armed ? "armed" : "");
   const { motors, modes, trip: noun } = drawing.controls;
   const [text, kind] = hint(said, drawing, hands.seen, begun, hands.holds), may = said.holds && !said.over;

@@ -1,4 +1,4 @@
-// What the page says of a vehicle: its names, what its keys do, and what comes next.
+// Texts of the page about a vehicle: its names, the effects of its keys, and the next action.
 
 import { byId, element, setText } from "./dom.js";
 
@@ -33,11 +33,11 @@ export function name({ command, controls, events, estimate }) {
   document.querySelector("#keys tbody").replaceChildren(...rows);
 }
 
-// What comes next, and whether it is bad news. begun: where the vehicle was at first; holds: whether the page holds the height.
+// The next action, and whether it is bad news. begun: where the vehicle was at first; holds: whether the page holds the height.
 export function hint(said, { controls }, seen, begun, holds) {
   const { trip, motors, first } = controls;
   if (said.over) return [`The ${trip} is over and recorded${said.holds ? `. New ${trip}: R` : ""}`, ""];
-  if (said.happening.includes("lost")) return ["The receiver hears nothing", "bad"];
+  if (said.happening.includes("lost")) return ["The receiver gets no signal", "bad"];
   if (said.on && said.why) return [said.why, "bad"];
   if (!said.holds) return ["Another page steers; this one watches", ""];
   if (!said.settled) return ["The sensors settle", ""];

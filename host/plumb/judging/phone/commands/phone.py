@@ -184,7 +184,7 @@ class Screen:
         angles = "  ".join(f"{axis} {self.last[f'{axis}_deg']:+z8.2f} deg" for axis in ("pitch", "roll"))
         biases = ", ".join(f"{self.last[f'{axis}_bias_dps']:+z.3f}" for axis in ("pitch", "roll"))
         line = f"{step.time_s:8.2f} s  {angles}  bias {biases} deg/s"
-        line += "  too steep to tell roll" if words["flags"] & 4 else ""
+        line += "  too steep to determine roll" if words["flags"] & 4 else ""
         print(f"\r{line}\x1b[K" if self._terminal else line, end="" if self._terminal else "\n", flush=True)
 
     def leave(self) -> None:
