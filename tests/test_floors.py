@@ -28,6 +28,7 @@ FLOORS = [
 """From the ground up."""
 LOADED = {
     "analyses/comparison/contenders": "judging",
+    "analyses/estimation/estimated": "judging",
     "analyses/flights/estimators": "judging",
     "analyses/identification/tested_loop": "judging",
     "analyses/identification/vehicle_fit": "judging",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shutil
@@ -100,8 +101,23 @@ def test_a_run_writes_page_summary_and_steps(tmp_path: Path, capsys: pytest.Capt
     assert "<svg" in (tmp_path / "out/report.html").read_text()
     rows = (tmp_path / "out/steps.csv").read_text().splitlines()
     assert len(rows) == 1 + said["steps"]
-    assert rows[0].startswith("time_s,true_tilt_deg,true_bias_dps,raw_0,")
+    assert rows[0].startswith("time_s,true_tilt_deg,true_bias_dps,setpoint_deg,rate_dps,accel_y_g,")
+    names = rows[0].split(",")
+    last = dict(zip(names, rows[-1].split(","), strict=True))
+    assert float(last["tilt_deg"]) == pytest.approx(int(last["tilt_turn_q32"]) * 360.0 / 2.0**32)
+    assert names.index("pulse_1_us") < names.index("raw_0") < names.index("digest_crc32") == len(names) - 1
     assert not list((tmp_path / "out").glob("*.part"))
+
+
+def test_the_steps_of_an_attitude_have_its_angles_in_degrees(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(capsys, "run", "attitude", "--board", "native", "--seconds", "5", "--out", str(tmp_path))
+    head, *_, last = (tmp_path / "steps.csv").read_text().splitlines()
+    row = {name: float(value) for name, value in zip(head.split(","), last.split(","), strict=True)}
+    up = [row[f"up_q30_{axis}"] for axis in range(3)]
+    assert row["roll_deg"] == pytest.approx(math.degrees(math.atan2(up[1], up[2])), abs=1e-4)
+    assert row["pitch_deg"] == pytest.approx(math.degrees(math.asin(-up[0] / 2.0**30)), abs=1e-4)
 
 
 class LyingBoard(NativeBoard):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -11,29 +11,13 @@ import numpy.typing as npt
 
 from plumb.near_names import did_you_mean
 from plumb.spec.arrays import FloatArray
+from plumb.spec.quaternion_angles import ANGLES
 from plumb.spec.signal_units import IN_SI, word_signals
 
 T_co = TypeVar("T_co", covariant=True)
 
 
-def _roll(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-    return np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-
-
-def _pitch(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-    return np.asarray(np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)), np.float64)
-
-
-def _yaw(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-    return np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
 _QUATERNION = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
-_ANGLES: dict[str, Callable[[FloatArray, FloatArray, FloatArray, FloatArray], FloatArray]] = {
-    "roll": _roll,
-    "pitch": _pitch,
-    "yaw": _yaw,
-}
 _FRAMES = ("w", "x", "y", "z")
 """What the frames of a link call them."""
 _UNITS = {"deg": 180.0 / np.pi, "rad": 1.0}
@@ -95,7 +79,7 @@ class Named(Mapping[str, T_co]):
         names = dict.fromkeys([*self._own(self.SI), *self._own(not self.SI)])
         if set(_QUATERNION) <= names.keys():
             units = ("rad", "deg") if self.SI else ("deg", "rad")
-            names |= dict.fromkeys(f"{angle}_{unit}" for unit in units for angle in _ANGLES)
+            names |= dict.fromkeys(f"{angle}_{unit}" for unit in units for angle in ANGLES)
         return list(names)
 
     def _value(self, name: str) -> FloatArray:
@@ -104,7 +88,7 @@ class Named(Mapping[str, T_co]):
                 return self._measured(name, si)
         angle, _, unit = name.rpartition("_")
         w, x, y, z = (self._value(part) for part in _QUATERNION)
-        return _ANGLES[angle](w, x, y, z) * _UNITS[unit]
+        return ANGLES[angle](w, x, y, z) * _UNITS[unit]
 
     @abstractmethod
     def _of(self) -> str:

@@ -9,12 +9,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from plumb import systems
 from plumb.files import whole_files
 from plumb.proof import run_identity
 from plumb.proof.measures import Measure
 from plumb.proof.report import Statement, Table, page, write_whole
 from plumb.proof.runs import PLOTS, Run
+from plumb.spec.arrays import FloatArray
+from plumb.spec.quaternion_angles import ANGLES
+from plumb.spec.records import Words
+from plumb.spec.signal_units import word_signals
 
 FILES = ("report.html", "summary.json", "steps.csv")
 
@@ -33,16 +39,39 @@ def budget(run: Run) -> Table:
     return Table("Error budget", ["compared", "error"], rows, bad_rows=bad)
 
 
+def _engineering(words: Words) -> dict[str, FloatArray]:
+    """The words that are physical quantities, in the project's units, and roll, pitch and yaw of an attitude."""
+    found: dict[str, FloatArray] = {
+        name: np.asarray(words[signal.word] * signal.scale, np.float64)
+        for name, signal in word_signals(words.system).items()
+        if name not in words.names and (signal.unit or signal.scale != 1.0) and signal.unit != "step"
+    }
+    parts = [found.get(f"attitude_{part}") for part in "wxyz"]
+    known = [part for part in parts if part is not None]
+    if len(known) == len(parts):
+        w, x, y, z = known
+        angles = {
+            f"{name}_deg": np.asarray(np.degrees(angle(w, x, y, z)), np.float64) for name, angle in ANGLES.items()
+        }
+        found = {**angles, **found}
+    return found
+
+
 def steps_csv(run: Run) -> str:
-    """One row a step: time, truth, then every word of the record, units in the column names."""
+    """One row a step: time, truth, signals in engineering units with the unit in the name, then every word of the
+    record as the integer that it is, and the digest."""
     sink = io.StringIO()
     table = csv.writer(sink, lineterminator="\n")
     words, truth = run.board_words, run.inputs.truth
-    table.writerow(["time_s", *(f"true_{name}" for name in truth), *words.names, "digest_crc32"])
+    signals = _engineering(words)
+    table.writerow(["time_s", *(f"true_{name}" for name in truth), *signals, *words.names, "digest_crc32"])
     exact = zip(run.inputs.time_s.tolist(), *(values.tolist() for values in truth.values()), strict=True)
+    shown = (
+        zip(*(values.tolist() for values in signals.values()), strict=True) if signals else ((),) * len(run.inputs.raw)
+    )
     columns: list[Sequence[Any]] = [words[name].tolist() for name in words.names]
-    for floats, *integers in zip(exact, *columns, run.answer.digests.tolist(), strict=True):
-        table.writerow([*(f"{value:.6f}" for value in floats), *integers])
+    for floats, units, *integers in zip(exact, shown, *columns, run.answer.digests.tolist(), strict=True):
+        table.writerow([*(f"{value:.6f}" for value in floats), *(f"{value:.9g}" for value in units), *integers])
     return sink.getvalue()
 
 
