@@ -13,6 +13,7 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.boards.link import LinkBoard
+from plumb.boards.native_port import NativePort
 from plumb.cli import monitor_line
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams
@@ -277,3 +278,26 @@ def test_a_plant_is_for_the_virtual_board_alone(board: UartBoard, capsys: pytest
 def test_a_value_that_rounds_to_zero_has_no_minus() -> None:
     assert monitor_line.number(-1e-5, "deg") == "+0.000 deg"
     assert monitor_line.number(-0.0006, "") == "-0.001"
+
+
+def test_a_line_of_a_vehicle_has_its_angles_all_motors_and_its_phase_in_words(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("plumb.boards.open_link_board", lambda *_, **__: NativePort("quadrotor", None))
+    assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "1"]) == 0
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert re.search(
+        r"  yaw \S+ deg  pitch \S+ deg  roll \S+ deg  pulses 1000.0 1000.0 1000.0 1000.0 us  phase: ", line
+    )
+    assert "attitude_" not in line and "pulse_2" not in line
+
+
+def test_a_choice_is_named_as_its_declaration_says() -> None:
+    assert monitor.choices_of({"phase": 2.0}, "quadrotor") == {"phase": "landing without one"}
+    assert (
+        monitor.choices_of({"phase": 9.0}, "quadrotor") == {"phase": "9"}
+        and monitor.choices_of({"phase": 1.0}, None) == {}
+    )
+    assert monitor.flags_set({"flags": None}, "quadrotor") is None
+    first, second = (flag.name for flag in declarations.system("quadrotor").flags[:2])
+    assert monitor.flags_set({"flags": 3.0}, "quadrotor") == [first, second]

@@ -27,15 +27,24 @@ NEUTRAL_HALFUS = 2000
 class CockpitBench:
     """now_s: of the hold's clock, which the test alone moves. A turn is 10 ms of the board's time."""
 
-    def __init__(self, folder: Path, *, hold: Hold | None = None, paced: bool = False, watch: bool = False) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        hold: Hold | None = None,
+        paced: bool = False,
+        watch: bool = False,
+        system: str = "quad",
+    ) -> None:
+        self.system = system
         self.now_s = 0.0
         self.hold = hold or Hold(clock=lambda: self.now_s)
         self.folder = folder
-        self.board = NativePort("quad", None)
+        self.board = NativePort(self.system, None)
         self.loop = BoardLoop(self.board, self.hold, folder=folder, paced=paced, watch=watch, reopen=self._reopen)
 
     def _reopen(self) -> LinkBoard:
-        self.board = NativePort("quad", None)
+        self.board = NativePort(self.system, None)
         return self.board
 
     def begin(self) -> None:

@@ -122,7 +122,7 @@ def raw_frames(words: list[int]) -> list[Frame]:
 def test_sticks_and_arming_and_the_axes_of_a_vehicle(station: Any) -> None:
     stream = MavlinkStream(station.port.getsockname(), VEHICLE, systems.load(VEHICLE, MAVLINK))
     lean = math.radians(20.0) / 2.0
-    pose = {"attitude_w": math.cos(lean), "attitude_x": 0.0, "attitude_y": math.sin(lean), "attitude_z": 0.0}
+    pose = {"w": math.cos(lean), "x": 0.0, "y": math.sin(lean), "z": 0.0}
     turns = {"rate_x_dps": 10.0, "rate_y_dps": 20.0, "rate_z_dps": 30.0}
     stream.show(snapshot(time_s=1.0, **pose))
     assert "RC_CHANNELS" not in received(station), "the run has not said its sticks"

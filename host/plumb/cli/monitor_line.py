@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from plumb.link.monitor import Snapshot
 
 LINE_COLUMNS = {
-    "tilt_deg", "tilt_measured_deg", "rate_dps", "bias_dps", "command", "pulse_0_us", "pulse_1_us", "duty", "flags",
-    "velocity_mps", "roll_deg", "roll_bias_dps", "w", "x", "y", "z", "rate_x_dps", "rate_y_dps", "rate_z_dps",
+    "tilt_deg", "tilt_measured_deg", "rate_dps", "bias_dps", "command", "duty", "flags", "velocity_mps",
+    "roll_deg", "roll_bias_dps", "w", "x", "y", "z", "rate_x_dps", "rate_y_dps", "rate_z_dps",
 }  # fmt: skip
 """Columns that a line shows under a name of its own, or not at all; the others are shown under their own."""
+
+
+def name_and_unit(column: str) -> tuple[str, str]:
+    """`tilt_measured_deg` -> ("tilt measured", "deg")."""
+    from plumb.spec.signals import UNITS
+
+    for unit, suffix in UNITS.items():
+        if column.endswith(suffix):
+            return column.removesuffix(suffix).replace("_", " "), unit
+    return column.replace("_", " "), ""
 
 
 def number(value: float, unit: str) -> str:
@@ -41,8 +52,13 @@ def angles_deg(quaternion: list[float]) -> tuple[float, float, float]:
     return yaw, pitch, roll
 
 
+PULSE = re.compile(r"pulse_\d+_us")
+
+
 def pulses(s: Snapshot) -> str:
-    return " ".join("-" if s[f"pulse_{i}_us"] is None else f"{s[f'pulse_{i}_us']:.1f}" for i in (0, 1)) + " us"
+    """Of all outputs that send one, in order; "" for none."""
+    known = [s[name] for name in sorted(filter(PULSE.fullmatch, s)) if s[name] is not None]
+    return " ".join(f"{value:.1f}" for value in known) + " us" if known else ""
 
 
 def line(s: Snapshot) -> str:
@@ -65,12 +81,17 @@ def line(s: Snapshot) -> str:
         ("bias", s["bias_dps"], "deg/s"),
         ("duty", s["duty"], ""),
         ("velocity", s["velocity_mps"], "m/s"),
-        *((name, s[name], "") for name in columns() if name not in LINE_COLUMNS),
+        *(
+            (name, s[name], "")
+            for name in columns()
+            if name not in {*LINE_COLUMNS, *s["choices"]} and not PULSE.fullmatch(name)
+        ),
     ]
     words = [f"{s['time_s']:.2f} s", f"{mode(s)} {armed(s)}"]
     words += [f"{name} {number(value, unit)}" for name, value, unit in values if value is not None]
-    if s["pulse_0_us"] is not None and s["duty"] is None:
+    if pulses(s) and s["duty"] is None:
         words.append(f"pulses {pulses(s)}")
+    words += [f"{name}: {text}" for name, text in s["choices"].items()]
     if s["step"] is not None:
         words.append(f"step {s['step']}")
     if s["battery_v"] is not None:

@@ -12,10 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from plumb.cli.keyboard import ESCAPE, Keyboard
-from plumb.cli.monitor_line import angles_deg, armed, count, mode
+from plumb.cli.monitor_line import angles_deg, armed, count, mode, name_and_unit
 from plumb.link.identity import PINS
 from plumb.link.monitor import EVERY_S, QUATERNION, columns
-from plumb.spec.signals import UNITS
 
 if TYPE_CHECKING:
     from plumb.link.identity import Identity
@@ -54,14 +53,6 @@ def sparkline(
     low, high = min(means.values()), max(means.values())
     scale = (len(blocks) - 1) / (high - low) if high > low else 0.0
     return "".join(blocks[round((means[cell] - low) * scale)] if cell in means else " " for cell in range(cells))
-
-
-def name_and_unit(column: str) -> tuple[str, str]:
-    """`tilt_measured_deg` -> ("tilt measured", "deg")."""
-    for unit, suffix in UNITS.items():
-        if column.endswith(suffix):
-            return column.removesuffix(suffix).replace("_", " "), unit
-    return column.replace("_", " "), ""
 
 
 class Screen:
@@ -132,7 +123,9 @@ class Screen:
 
     def _note(self, s: Snapshot, extremes: Extremes) -> dict[str, float | None]:
         """The values of the rows of a look, added to their course."""
-        values: dict[str, float | None] = {name: s[name] for name in columns() if name not in NOT_SHOWN}
+        values: dict[str, float | None] = {
+            name: s[name] for name in columns() if name not in {*NOT_SHOWN, *s["choices"]}
+        }
         if s["attitude"]:
             values.update(zip(EULER, angles_deg(s["attitude"]), strict=True))
             for name in EULER:
@@ -206,9 +199,14 @@ class Screen:
             f"dropped {count(s['board_dropped'])}"
         )
         events = f"saturated {count(s['saturated_steps'])}, starved {count(s['starved_steps'])}"
+        flags = None if s["flags_set"] is None else ", ".join(s["flags_set"]).replace("_", " ").lower() or "none"
+        sticks = " ".join(f"{name} {value}" for name, value in (s.get("commands") or {}).items())
         neutral = f"no, the pins stay neutral; {blocked or 'nothing blocks arming'}"
         lost = s["host_lost_steps"] + s["host_lost"] + s["host_rejected"]
         return [
+            *(_row(name.replace("_", " "), text) for name, text in s["choices"].items()),
+            *([] if flags is None else [_row("flags", flags)]),
+            *([_row("commands", sticks)] if sticks else []),
             _row("raw", " ".join(map(str, s["raw"])) if s["raw"] else "-"),
             _row("armed", "yes" if s["armed"] else neutral, "red" if s["armed"] else "yellow" if blocked else "green"),
             _row("faults", faults or "none", "bold red" if faults else "green"),

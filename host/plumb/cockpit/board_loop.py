@@ -21,6 +21,7 @@ from plumb.cockpit.board_run import TURN_S, BoardRun, PlantOnBoard
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_orders import Order
 from plumb.cockpit.questions import Questions
+from plumb.cockpit.samples import Samples
 from plumb.cockpit.setpoint import StepTest, setpoint_of
 from plumb.errors import LinkError, PlumbError, UsageError
 from plumb.link import monitor, parameter_table
@@ -253,6 +254,15 @@ class BoardLoop(BoardRun):
         used = 0 if idle else self._capture.setpoints.newest
         return None if used is None else used * scale
 
+    def _declared_words(self, samples: Samples) -> dict[str, object]:
+        """Choices and flags of the newest step in words, where the model has computed it."""
+        words, system = samples.words, samples.system
+        return (
+            {"choices": monitor.choices_of(words, system), "flags_set": monitor.flags_set(words, system)}
+            if words
+            else {}
+        )
+
     def _describe(self) -> dict[str, object]:
         seen = self._monitor.snapshot()
         samples, light = self.samples, self._comparison.light(self._session.clock())
@@ -282,11 +292,20 @@ class BoardLoop(BoardRun):
                 "unit": setpoint.unit, "most": setpoint.most, "signal": setpoint.follows,
                 "used": self._setpoint_used(setpoint.scale, idle=seen["mode"] == "IDLE"),
             },
+            "why_no_setpoint": "" if samples is None or setpoint is not None else why_no_setpoint(samples.system),
             "test": None if self._test is None else self._test.state,
             "result": self._result,
             "recording": self.recording.state,
-            "health": {name: seen[name] for name in HEALTH},
+            "health": {name: seen[name] for name in HEALTH} | (self._declared_words(samples) if samples else {}),
         }  # fmt: skip
+
+
+def why_no_setpoint(system: str) -> str:
+    """Why a page cannot arm this system."""
+    declared = declarations.system(system)
+    if not declared.output:
+        return f"{system} drives nothing"
+    return f"{system} takes more than a slider: its pilot's switch arms it, or a program (plumb.connect)"
 
 
 def tilt_axis(system: str) -> str:
@@ -298,7 +317,7 @@ def tilt_axis(system: str) -> str:
 HEALTH = (
     "time_s", "mode", "live", "step", "steps_per_s", "blocked", "faults", "disarm_cause", "saturated_steps",
     "starved_steps", "board_rejected", "board_lost", "board_dropped", "host_rejected", "host_lost", "host_lost_steps",
-    "battery_v", "battery_a", "battery_trouble",
+    "battery_v", "battery_a", "battery_trouble", "choices", "flags_set",
     "can_off_bus", "can_transmit_errors", "can_receive_errors", "can_bus_offs", "attitude",
 )  # fmt: skip
 """What a page shows of a snapshot of plumb.link.monitor."""

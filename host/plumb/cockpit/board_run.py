@@ -25,6 +25,7 @@ from plumb.link.identity import NackError
 from plumb.link.realtime import Capture, SetpointReports
 from plumb.link.selection import RAW_FRAMES, selectable
 from plumb.link.session import Session
+from plumb.spec import dbc
 from plumb.spec.parameter_file import by_name
 from plumb.spec.parameters import control_part, table
 from plumb.spec.protocol import Frame
@@ -112,15 +113,15 @@ class BoardRun:
         capture, samples, now_s = self._capture, self.samples, self._session.clock()
         if capture is None or samples is None:
             return
-        samples.take(capture)
         session = self._session
+        self._comparison.follow(capture, session.counters.lost + session.frames.rejected, now_s)
+        samples.take(capture, self._comparison.words)
         self._learn(capture)
         self._notice_end(session)
         if self._capture is not capture:
             return
         if self.recording.state["on"]:
             capture.ask_for_table()
-        self._comparison.follow(capture, session.counters.lost + session.frames.rejected, now_s)
         if self._arming.armed and self._comparison.differs:
             self._arming.disarm(session, f"disarmed: {self._comparison.light(now_s).text}")
         self._arming.notice(session, capture.armed)
@@ -218,7 +219,8 @@ class BoardRun:
         self._comparison = Comparison(params, why_not)
         setpoint = setpoint_of(self._session.system)
         column = None if setpoint is None else setpoint.column
-        self.samples = Samples(self._runs, self._session.system, frames, period_s, column)
+        computed = () if params is None else dbc.frame_names(self._session.system)
+        self.samples = Samples(self._runs, self._session.system, frames, period_s, column, computed)
 
     def _join(self) -> None:
         """Listen to a run that another program, or the arm switch, began."""

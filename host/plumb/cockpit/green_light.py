@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,7 +27,7 @@ class Comparison:
     """Compares one run with the model. Without params there is no model: `why_not` says why."""
 
     def __init__(self, params: ControlParams | None, why_not: str = "") -> None:
-        self.shadow = Shadow(params) if params is not None else None
+        self.shadow = Shadow(params, keeps=True) if params is not None else None
         self._why_not, self._compared_s = why_not, 0.0
 
     def follow(self, capture: Capture, lost: int, now_s: float) -> None:
@@ -37,6 +38,11 @@ class Comparison:
         self.shadow.follow(capture, lost)
         if self.shadow.steps > before:
             self._compared_s = now_s
+
+    @property
+    def words(self) -> dict[int, Mapping[str, int]]:
+        """The model's words of the steps that were equal, by step; whoever uses them removes them."""
+        return {} if self.shadow is None else self.shadow.words
 
     @property
     def differs(self) -> bool:

@@ -1,7 +1,9 @@
 """The signals of every step of a run: rows of a ring, which every page reads at its own pace.
 
-A row has a value for each column, NaN where the frame did not arrive. The ring keeps the newest ROWS_KEPT rows; a page
-that was away for longer misses the older ones, and gets their number. Recordings do not pass through here.
+A row has a value for each column, NaN where the frame did not arrive. Signals that the link has no room for are those
+of the integer model, in steps whose digest says that the board has the same bits. An attitude has columns of roll,
+pitch and yaw, too. The ring keeps the newest ROWS_KEPT rows; a page that was away for longer misses the older ones, and
+gets their number. Recordings do not pass through here.
 """
 
 from __future__ import annotations
@@ -9,16 +11,19 @@ from __future__ import annotations
 import math
 import struct
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
+from plumb.link.monitor import QUATERNION
 from plumb.link.realtime import Capture
 from plumb.link.selection import RAW_FRAMES
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
+from plumb.spec.quaternion_angles import ANGLES
 from plumb.spec.signals import UNITS, signals
 from plumb.spec.system import Command
 
@@ -56,6 +61,21 @@ def columns_of(system: str, frames: tuple[str, ...]) -> list[Column]:
     return found + [Column(name, "count") for name in raw_columns(system, frames)]
 
 
+def computed_signals(system: str, frames: set[str], names: Sequence[str]) -> list[tuple[int, str, float]]:
+    """(place among the names, word of the record, value of one LSB) of the signals in these frames."""
+    parts = {
+        (f"{system.upper()}_{frame.name}", part.name): part
+        for frame in declarations.system(system).frames
+        for part in (frame.half, frame.word)
+        if part is not None
+    }
+    return [
+        (names.index(column), parts[signal].word.name, scale / 2.0 ** parts[signal].shift)
+        for signal, column, scale in signals(system)
+        if signal[0] in frames and column in names
+    ]
+
+
 def raw_columns(system: str, frames: tuple[str, ...]) -> list[str]:
     """Names of the columns of raw counts, in the order of the channels; [] where no frame carries them."""
     carried = _carried(frames)
@@ -86,9 +106,13 @@ class Samples:
         frames: tuple[str, ...],
         period_s: float,
         setpoint: tuple[Column, float] | None = None,
+        computed: tuple[str, ...] = (),
     ) -> None:
+        """computed: frames whose signals the model gives where the board does not send them."""
         self.number, self.system, self.period_s = number, system, period_s
-        self.columns = columns_of(system, frames)
+        self.columns = columns_of(system, tuple({*frames, *computed}))
+        if {column.name for column in self.columns}.issuperset(QUATERNION):
+            self.columns = [*(Column(f"{angle}_deg", "deg") for angle in ANGLES), *self.columns]
         self._setpoint_at: int | None = None
         self._setpoint_scale = 0.0
         if setpoint is not None:
@@ -97,6 +121,8 @@ class Samples:
             self.columns.insert(self._setpoint_at, column)
         names = [column.name for column in self.columns]
         self._signals = [(signal, names.index(name), scale) for signal, name, scale in signals(system) if name in names]
+        self._quaternion = [names.index(name) for name in QUATERNION] if set(QUATERNION) <= set(names) else []
+        self._computed = computed_signals(system, set(computed).difference(frames), names)
         self._raw_at = len(names) - len(raw_columns(system, frames))
         self._commands = [
             (names.index(name), command, at) for name, (command, at) in command_columns(system, frames).items()
@@ -106,9 +132,12 @@ class Samples:
         self._lock = threading.Lock()
         self._next: int | None = None
         self.rows = 0
+        self.words: Mapping[str, int] = {}
+        """Of the newest step that the model has computed."""
 
-    def take(self, capture: Capture) -> None:
-        """Write the rows of the steps that are complete. Raw counts and digests stay in the capture, for a shadow."""
+    def take(self, capture: Capture, model: dict[int, Mapping[str, int]]) -> None:
+        """Write the rows of the steps that are complete. model: words of steps by the integer model, which are used up.
+        Raw counts and digests stay in the capture for FORGOTTEN_STEPS."""
         end = capture.steps - LATE_STEPS
         if self._next is None:
             if end <= 0:
@@ -121,6 +150,13 @@ class Samples:
                 value = capture.values.get(signal, {}).pop(step, None)
                 if value is not None:
                     row[at] = value * scale
+            words = model.pop(step, None)
+            if words is not None:
+                self.words = words
+                for at, word, scale in self._computed:
+                    row[at] = words[word] * scale
+            if self._quaternion:
+                row[: len(ANGLES)] = _angles_deg(row[self._quaternion])
             if self._setpoint_at is not None:
                 row[self._setpoint_at] = setpoints[step - self._next] * self._setpoint_scale
             counts = capture.raw.get(step)
@@ -133,6 +169,7 @@ class Samples:
                 self._time_s[at], self._values[at] = step * self.period_s, row
                 self.rows += 1
         self._next = max(self._next, end)
+        _forget_steps(model, self._next - FORGOTTEN_STEPS)
         _forget(capture, self._next - FORGOTTEN_STEPS)
 
     def is_over(self, capture: Capture) -> bool:
@@ -192,6 +229,12 @@ class Samples:
         """Time of the newest row, 0 before the first."""
         with self._lock:
             return float(self._time_s[(self.rows - 1) % ROWS_KEPT]) if self.rows else 0.0
+
+
+def _angles_deg(quaternion: npt.NDArray[np.float32]) -> list[float]:
+    """Roll, pitch and yaw; NaN while a part is missing."""
+    w, x, y, z = quaternion.astype(np.float64)
+    return [float(np.degrees(angle(w, x, y, z))) for angle in ANGLES.values()]
 
 
 def _by_step(capture: Capture, begin: int, end: int) -> list[float]:

@@ -212,6 +212,8 @@ class Monitor:
             **values,
             "attitude": all_or_none(values, *QUATERNION),
             "rates_dps": all_or_none(values, *(f"rate_{axis}_dps" for axis in QUATERNION[1:])),
+            "choices": choices_of(values, system),
+            "flags_set": flags_set(values, system),
             "raw": [raw[name] for name in (f"raw_{i}" for i in range(3 * len(RAW_FRAMES))) if name in raw] or None,
             **self._commands(raw),
             "saturated_steps": events.get("saturated"),
@@ -239,6 +241,21 @@ def all_or_none(values: Mapping[str, float | None], *names: str) -> list[float] 
     """The named values as a list; None if one of them is missing."""
     known = [value for value in map(values.get, names) if value is not None]
     return known if len(known) == len(names) else None
+
+
+def choices_of(values: Mapping[str, float | None], system: str | None) -> dict[str, str]:
+    """Column -> meaning of its value, of the words whose values are choices; those received at present."""
+    words = () if system is None else declarations.system(system).words
+    known = {word.name: (word.choices, values.get(word.name)) for word in words if word.choices}
+    return {name: of.get(int(value), f"{value:.0f}") for name, (of, value) in known.items() if value is not None}
+
+
+def flags_set(values: Mapping[str, float | None], system: str | None) -> list[str] | None:
+    """Names of the flags of the newest step; None while they are not received."""
+    value = values.get("flags")
+    if system is None or value is None:
+        return None
+    return [flag.name for bit, flag in enumerate(declarations.system(system).flags) if int(value) >> bit & 1]
 
 
 def _flag(said: dict[str, int], name: str) -> bool | None:

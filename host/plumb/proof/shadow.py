@@ -9,6 +9,7 @@ the board names; a table that the host does not know is read from the board (`pl
 from __future__ import annotations
 
 from array import array
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -21,10 +22,13 @@ from plumb.proof.compare import Divergence, divergence_at
 
 class Shadow:
     """The model of one run. steps: number compared so far, including those of `before`, the shadow of the previous
-    run. changes: the parameters that the run got on its way, each with its first step."""
+    run. changes: the parameters that the run got on its way, each with its first step. keeps: whether the capture keeps
+    what was compared, and `words` the model's words of each step that was equal, by step; the caller removes both."""
 
-    def __init__(self, params: ControlParams, before: Shadow | None = None) -> None:
+    def __init__(self, params: ControlParams, before: Shadow | None = None, *, keeps: bool = False) -> None:
         self.params = params
+        self.words: dict[int, Mapping[str, int]] = {}
+        self._keeps = keeps
         self.changes: list[Change] = []
         self.steps: int = before.steps if before else 0
         self.unverified_runs: int = before.unverified_runs if before else 0
@@ -52,14 +56,16 @@ class Shadow:
             step = self._next
             if not self._parameters_known(capture, step):
                 return
-            raw, digest = capture.raw.pop(step, None), capture.digest.pop(step, None)
+            raw, digest = capture.raw.get(step), capture.digest.get(step)
+            if not self._keeps:
+                capture.raw.pop(step, None), capture.digest.pop(step, None)
             if raw is None or digest is None:
                 self._give_up(step)
                 return
             for first, value in capture.setpoints.changes:
                 if first == step:
                     self._setpoint = value
-            self._model.step(raw, self._setpoint)
+            words = self._model.step(raw, self._setpoint)
             self._raw.extend(raw)
             self._setpoints.append(self._setpoint)
             if self._model.digest() != digest:
@@ -68,6 +74,8 @@ class Shadow:
                     return
                 self.divergence = Divergence(step, 0, "digest", self._model.digest(), digest)
                 return
+            if self._keeps:
+                self.words[step] = words
             self._next += 1
             self.steps += 1
 

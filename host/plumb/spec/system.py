@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -68,6 +69,10 @@ CHECKS = {
 """`checks` of an output -> what decides whether the board may be armed, and whether it stays so."""
 
 
+CHOICE = re.compile(r"(\d+): ([^;]+)")
+"""A value and its meaning in the doc of a choice."""
+
+
 @dataclass(frozen=True)
 class Word:
     """One word of a record. member: its path in the C struct of the record; format: what the integer stands for."""
@@ -83,6 +88,12 @@ class Word:
     def size(self) -> int:
         """Bytes."""
         return 8 if self.type == "int64" else 4
+
+    @property
+    def choices(self) -> dict[int, str]:
+        """Meaning of each value of a word of format `choice`, which its doc lists as `0: flown; 1: held`; {} of any
+        other word."""
+        return {int(value): text.strip() for value, text in CHOICE.findall(self.doc)} if self.format == "choice" else {}
 
 
 @dataclass(frozen=True)

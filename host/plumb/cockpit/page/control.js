@@ -13,7 +13,7 @@ function roleOf(said, mine) {
 function whyNotArmed(said, mine) {
   if (!mine || said.armed || said.arming || said.lost) return "";
   if (said.watch) return "Arm is off: the cockpit was started with --watch.";
-  if (said.setpoint === null) return "Arm is off: nothing is driven by this system.";
+  if (said.setpoint === null) return said.why_no_setpoint ? `Arm is off: ${said.why_no_setpoint}.` : "";
   if (!said.own_run) return "Arm is off: the run is not this page's. Press New run first.";
   if (said.light.colour === "red") return "Arm is off: the board differs from the model.";
   return said.health.blocked.length ? `Arm waits until this is gone: ${said.health.blocked.join("; ")}.` : "";

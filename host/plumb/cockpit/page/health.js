@@ -15,6 +15,9 @@ export function showHealth({ health, image, unique_id: chip, own_run: own }) {
     ...(health.battery_v == null ? [] : [
       ["battery", [`${health.battery_v.toFixed(2)} V, ${health.battery_a.toFixed(2)} A`, ...health.battery_trouble].join("; "),
         health.battery_trouble.length]]),
+    ...Object.entries(health.choices).map(([name, text]) => [name.replaceAll("_", " "), text, false]),
+    ...(health.flags_set === null ? [] : [
+      ["flags", list(health.flags_set.map((name) => name.toLowerCase().replaceAll("_", " "))), false]]),
     ["step", `${count(health.step)}, ${health.steps_per_s?.toFixed(1) ?? "–"} per s`, false],
     ["saturated steps", count(health.saturated_steps), false],
     ["starved steps", count(health.starved_steps), false],

@@ -6,8 +6,9 @@ import { LEFT, Panel, RIGHT } from "./panel.js";
 import { shown } from "./scale.js";
 
 const COLOURS = 8, SMALLEST_BRUSH = 0.01;
+const COMMANDS = "commands of the pilot";
 const QUANTITIES = { deg: "Angle", "deg/s": "Rate", us: "Pulse width", "m/s": "Speed", count: "Raw reading" };
-const FIRST = ["quaternion", "deg", "deg/s", "m/s"], LAST = ["count"];
+const FIRST = ["deg", "deg/s", "m/s", "us", COMMANDS], LAST = ["quaternion", "count"];
 
 export class Plot {
   constructor(title, signals, rows, view) {
@@ -89,13 +90,15 @@ export class Plot {
   }
 }
 
-const rank = (title) => (FIRST.includes(title) ? FIRST.indexOf(title) : LAST.includes(title) ? 99 : 50);
+const rank = (title) => (FIRST.includes(title) ? FIRST.indexOf(title) : LAST.includes(title) ? 90 + LAST.indexOf(title) : 50);
 
-// Plots for the columns of a run: one for each unit, and one for each signal without a unit; the attitude first.
+// Plots for the columns of a run: one for each unit, one for the pilot's commands, and one for each other signal without
+// a unit; the angles first.
 export function plotsOf(columns, rows, view) {
   const groups = new Map();
   columns.forEach(({ name, unit }, column) => {
-    const quaternion = /^[wxyz]$/.test(name), title = unit || (quaternion ? "quaternion" : name);
+    const kind = /^[wxyz]$/.test(name) ? "quaternion" : name.startsWith("command_") ? COMMANDS : name;
+    const title = unit || kind;
     if (!groups.has(title)) groups.set(title, []);
     const of = groups.get(title);
     of.push({ name, column, colour: of.length % COLOURS, on: true });

@@ -18,7 +18,7 @@ from plumb.systems.steered import Controls, Drawing, Event, Quaternion, Reading,
 TUNING = replace(scenarios.HUMMINGBIRD, receiver=replace(scenarios.HUMMINGBIRD.receiver, lands=1))
 """As shipped, but a vehicle that has lost its receiver lands."""
 FRAMES = ("QUADROTOR_ROTOR_0", "QUADROTOR_ROTOR_1", "QUADROTOR_ROTOR_2", "QUADROTOR_ROTOR_3", "QUADROTOR_STATE")
-ESTIMATED = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
+ESTIMATED = ("w", "x", "y", "z")
 SETTLED_S = courses.REST_S
 BREEZE_MPS = 2.0
 AIRFIELD = courses.Course("flown by hand", pilots.centred, wind_mps=BREEZE_MPS, lands=True)

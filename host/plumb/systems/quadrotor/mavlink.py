@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from plumb.systems.mavlink import Attitude, Values, of_quaternion, sticks
 
 VEHICLE = "QUADROTOR"
-ATTITUDE = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
+ATTITUDE = ("w", "x", "y", "z")
 FRAMES = (*(f"QUADROTOR_ROTOR_{rotor}" for rotor in range(4)), "RAW_C", "RAW_D")
 
 
