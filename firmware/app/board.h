@@ -74,6 +74,10 @@ uint32_t board_now_us(void);
  * command, and BOARD_FAULT_STALLED is set, until board_clear_actuator_faults(). */
 void board_turn(void);
 
+/* True when a turn of the loop has work: bytes of the UART or frames of CAN wait to be fetched, or since the
+ * last call an interrupt has found that a sensor is lost. */
+bool board_work_waits(void);
+
 /* Call in every turn of the loop that met its deadline; after 40 ms without a call the board resets. */
 void board_feed_watchdog(void);
 

@@ -73,6 +73,9 @@ void board_sensor_health(board_health_t *health);
  * period. The same value again changes nothing. */
 void board_set_period_us(uint32_t period_us);
 
+/* True when board_take_tick() would be. */
+bool board_tick_waits(void);
+
 /* True once per control period, when that period's sample is complete. Without data from all sensors in use
  * there is no tick, unless marks_missing and there was one before. */
 bool board_take_tick(void);

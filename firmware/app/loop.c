@@ -1,5 +1,9 @@
 /* The main loop: takes each sample from the host or from the sensors, runs control_step on it, drives the
- * actuator and sends the step's signals to the host. Interrupts only move bytes and wake the loop. */
+ * actuator and sends the step's signals to the host. Interrupts only move bytes and wake the loop.
+ *
+ * A whole turn checks the guarded memory, does all this, and seals the memory again. While the board is armed
+ * or in lockstep, what wakes the loop is often no work for it: a millisecond has passed, or the UART has room
+ * again. Such a turn is short: it passes on what waits to be sent and writes no guarded memory. */
 #include "loop.h"
 #include "board.h"
 #include "board_actuators.h"
@@ -12,11 +16,15 @@
 #include "generated/used_parts.h"
 #include "link/requests.h"
 #include "link/session.h"
+#include "link/stepping.h"
+#include "link/switches.h"
 #include "systems/control.h"
 #include <string.h>
 
-#define DEADLINE_US  10000U /* of a turn; the longest sleep is 1 ms, outputs must be safe within 50 ms */
-#define CAN_PER_TURN 16U    /* frames: a flood of them must not keep the loop from its steps */
+#define SHORT_TURNS  USED_ACTUATORS /* a board that is never armed has time for whole ones */
+#define DEADLINE_US  10000U         /* from a whole turn to the next; outputs must be safe within 50 ms */
+#define FED_FOR_US   4000U          /* after a whole turn, in which short ones feed the watchdog */
+#define CAN_PER_TURN 16U            /* frames: a flood of them must not keep the loop from its steps */
 
 BOARD_GUARDED static control_t control;
 BOARD_GUARDED static session_t session;
@@ -27,6 +35,17 @@ static session_buffers_t buffers;
  * makes the loop write neutral once more. */
 #define OUTPUTS_RESTING 0x3ac9651eU
 BOARD_GUARDED static uint32_t outputs;
+
+/* The last whole turn: when it began, how long the next one may wait for a step or for input, whether it fed
+ * the watchdog, and the arm switch as it read it. */
+BOARD_GUARDED static struct {
+    uint32_t us;
+#if SHORT_TURNS
+    uint32_t within_us;
+    bool fed;
+    bool switch_closed;
+#endif
+} turn;
 
 /* Passes the input of both links to the session, no more than the session has room to answer. */
 static void receive(uint32_t now_us) {
@@ -132,6 +151,9 @@ __attribute__((noinline)) static void report(uint32_t now_us) {
     session_report_t said; /* every member is set; an initialiser would clear the whole first */
     said.faults = board_faults();
     said.switch_closed = board_arm_switch();
+#if SHORT_TURNS
+    turn.switch_closed = said.switch_closed;
+#endif
     said.can = board_can_health();
     board_sensor_health(&said.sensors);
 #if USED_BATTERY
@@ -140,12 +162,11 @@ __attribute__((noinline)) static void report(uint32_t now_us) {
     session_report(&session, &said, now_us);
 }
 
-/* True when the last turn met the deadline, and an armed board has not missed a period. That disarms the
- * board: an image that is still armed then gets no watchdog feed, and so a reset. */
+/* True when the last whole turn met the deadline, and an armed board has not missed a period. That disarms
+ * the board: an image that is still armed then gets no watchdog feed, and so a reset. */
 static bool met_deadline(uint32_t now_us, bool late) {
-    BOARD_GUARDED static uint32_t last_us;
-    const uint32_t turn_us = now_us - last_us;
-    last_us = now_us;
+    const uint32_t turn_us = now_us - turn.us;
+    turn.us = now_us;
     return turn_us <= DEADLINE_US && !late;
 }
 
@@ -225,7 +246,16 @@ void loop_start(void) {
     board_memory_seal();
 }
 
-void loop_turn(void) {
+#if SHORT_TURNS
+/* True when there is work for a whole turn. What it reads has not been checked: damage can only bring the
+ * next whole turn on, or leave it to the next step. */
+static bool has_work(uint32_t now_us) {
+    return now_us - turn.us >= turn.within_us || board_tick_waits() || board_work_waits() ||
+           board_arm_switch() != turn.switch_closed;
+}
+#endif
+
+static void whole_turn(void) {
     if (!board_memory_intact()) {
         recover();
     }
@@ -238,7 +268,8 @@ void loop_turn(void) {
     report(now_us);
     session_poll(&session, now_us);
     const session_orders_t orders = session_take_orders(&session, now_us);
-    if (met_deadline(now_us, orders.late)) {
+    const bool fed = met_deadline(now_us, orders.late);
+    if (fed) {
         board_feed_watchdog();
     }
     board_can_join(orders.can_kbit, messages_from_host, MESSAGES_FROM_HOST);
@@ -248,5 +279,23 @@ void loop_turn(void) {
     if (orders.bootloader) {
         board_enter_bootloader();
     }
+#if SHORT_TURNS
+    turn.fed = fed;
+    turn.within_us = session_turn_within_us(&session, now_us);
+#endif
     seal_memory(orders.mode);
+}
+
+void loop_turn(void) {
+#if SHORT_TURNS
+    const uint32_t now_us = board_now_us();
+    if (!has_work(now_us)) {
+        if (turn.fed && now_us - turn.us <= FED_FOR_US) {
+            board_feed_watchdog();
+        }
+        transmit();
+        return;
+    }
+#endif
+    whole_turn();
 }

@@ -124,6 +124,30 @@ void arming_disarm_host(arming_t *a, uint16_t cause) {
     }
 }
 
+/* Time left of `us` since `since_us`; 0 when they have passed. */
+static uint32_t left_us(uint32_t us, uint32_t since_us, uint32_t now_us) {
+    const uint32_t passed_us = now_us - since_us;
+
+    return passed_us < us ? us - passed_us : 0U;
+}
+
+static uint32_t earlier(uint32_t a_us, uint32_t b_us) {
+    return a_us < b_us ? a_us : b_us;
+}
+
+uint32_t arming_within_us(const arming_t *a, uint32_t now_us) {
+    uint32_t within_us = UINT32_MAX;
+
+    if (!arming_driving(a)) {
+        within_us = left_us(a->hold_us, a->armed_us, now_us);
+    }
+    if (!a->by_switch) {
+        within_us = earlier(within_us, left_us(ARMING_SILENCE_US + 1U, a->keepalive_us, now_us));
+        within_us = earlier(within_us, left_us(KEEPALIVE_PERIOD_US, a->keepalive.last_us, now_us));
+    }
+    return within_us;
+}
+
 void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us) {
     const uint16_t matters = a->by_switch ? (uint16_t)(blocked & ~ARMING_BLOCKS_HOST) : blocked;
 

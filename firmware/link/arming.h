@@ -128,7 +128,12 @@ void arming_disarm(arming_t *a, uint16_t cause);
 /* As arming_disarm(), but only when a host armed: a lost link does not disarm a board armed by the switch. */
 void arming_disarm_host(arming_t *a, uint16_t cause);
 
-/* Call on every turn of the loop: disarms when blocked is not 0 or the keep-alive is late; ends the hold. */
+/* Call on every whole turn of the loop: disarms when blocked is not 0 or the keep-alive is late; ends the
+ * hold. */
 void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us);
+
+/* How long the next arming_poll() and arming_issue() may wait while the board is armed: until a value is due,
+ * the keep-alive is late, or the hold is over; UINT32_MAX when nothing is due. */
+uint32_t arming_within_us(const arming_t *a, uint32_t now_us);
 
 #endif

@@ -136,6 +136,12 @@ static void count_losses(injected_t *in, uint32_t now_us) {
     in->share_us = now_us;
 }
 
+uint32_t injected_within_us(const injected_t *in, uint32_t period_us, uint32_t now_us) {
+    const uint32_t since_us = now_us - in->counted_us, silent_us = silence_us(period_us);
+
+    return since_us <= silent_us ? silent_us + 1U - since_us : 0U;
+}
+
 void injected_poll(injected_t *in, uint32_t period_us, uint32_t now_us) {
     in->silent = !in->begun || now_us - in->counted_us > silence_us(period_us);
     count_losses(in, now_us);

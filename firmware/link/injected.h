@@ -52,7 +52,10 @@ void injected_spoilt(injected_t *in);
 void injected_check(injected_t *in, const int16_t raw[PLUMB_RAW_MAX], const control_system_t *system,
                     const params_t *params);
 
-/* Call on every turn of the loop. */
+/* How long the next injected_poll() may wait: until the source has been silent for too long. */
+uint32_t injected_within_us(const injected_t *in, uint32_t period_us, uint32_t now_us);
+
+/* Call on every whole turn of the loop. */
 void injected_poll(injected_t *in, uint32_t period_us, uint32_t now_us);
 
 /* True while no new samples come, or too few. */

@@ -22,6 +22,11 @@ typedef struct {
 void long_replies_ask_identity(long_replies_t *l);
 void long_replies_ask_table(long_replies_t *l);
 
+/* True while frames of a reply are not queued yet. */
+static inline bool long_replies_wait(const long_replies_t *l) {
+    return l->identity.next < l->identity.end || l->table.next < l->table.end;
+}
+
 /* Queue the frames that have room in the link's outbox. After LONG_REPLIES_STARVED_US without room one frame
  * may use the room of telemetry: then the longest table takes 0.2 s, less than a host waits for a frame. Call
  * on every turn of the loop. */

@@ -1,5 +1,9 @@
 #include "requests.h"
+#include "arming_reasons.h"
+#include "news.h"
 #include "permissions.h"
+#include "stepping.h"
+#include "switches.h"
 
 #define ALL_PARAMETERS 0xFFFFU
 #define RUN_TAG_SHIFT  16U /* in the ACK of RUN_BEGIN, above its run */
@@ -212,8 +216,7 @@ static void on_run_begin(session_t *s, const request_t *q) {
     } else if (refused_in_flight(s, q)) {
         return;
     } else if (m.run < MESSAGE_RUN_BEGIN_RUN_LOCKSTEP || m.run > MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE ||
-               ((flags & MESSAGE_RUN_BEGIN_SETPOINTS_ELSEWHERE) != 0U &&
-                control_system(&s->params->control)->owner_alone) ||
+               ((flags & MESSAGE_RUN_BEGIN_SETPOINTS_ELSEWHERE) != 0U && s->system->owner_alone) ||
                (m.run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP && flags != 0U)) { /* one link paces lockstep */
         routing_nack(&s->routing, q, MESSAGE_NACK_REASON_UNSUPPORTED, m.run);
     } else {

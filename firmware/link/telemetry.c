@@ -165,8 +165,7 @@ void telemetry_send_words(telemetry_t *t, routing_t *r, const void *record, link
 }
 
 bool telemetry_has_room(const telemetry_t *t, const routing_t *r, link_t link) {
-    return t->word_next == CONTROL_RECORD_WORDS_MAX &&
-           outbox_telemetry_fits(r->link[link].outbox, t->selected);
+    return !telemetry_waits(t) && outbox_telemetry_fits(r->link[link].outbox, t->selected);
 }
 
 static void send_step(telemetry_t *t, routing_t *r, const message_step_t *m, uint8_t flags) {

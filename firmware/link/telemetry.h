@@ -44,6 +44,11 @@ void telemetry_step(telemetry_t *t, routing_t *r, const control_t *c, const plum
  * are dropped. Call after each step and on every turn of the loop. */
 void telemetry_send_words(telemetry_t *t, routing_t *r, const void *record, link_t pacer);
 
+/* True while words of the last step wait for room. */
+static inline bool telemetry_waits(const telemetry_t *t) {
+    return t->word_next != CONTROL_RECORD_WORDS_MAX;
+}
+
 /* True when all words of the last step were sent and the next step's frames have room on a link. */
 bool telemetry_has_room(const telemetry_t *t, const routing_t *r, link_t link);
 

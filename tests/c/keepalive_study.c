@@ -2,7 +2,9 @@
  * that delays every frame and loses some, and a host that answers each value when it comes. Simulated time;
  * seeded. */
 #include "generated/messages.h"
+#include "link/arming_reasons.h"
 #include "link/requests.h"
+#include "link/stepping.h"
 #include <string.h>
 
 #define TURN_US    500U

@@ -3,6 +3,7 @@
 #include "check.h"
 #include "generated/messages.h"
 #include "link/requests.h"
+#include "link/stepping.h"
 #include <stdio.h>
 #include <string.h>
 

@@ -1,5 +1,6 @@
 /* Compiles the shipped loop into this file, unchanged, so that the host can read its static state. */
 #include "app/loop.c"
+#include "link/arming_reasons.h"
 #include "port.h"
 
 void inside_look(void) {

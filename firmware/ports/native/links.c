@@ -326,6 +326,13 @@ const board_can_health_t *board_can_health(void) {
     return &links.health;
 }
 
+/* ---- both ---- */
+
+bool board_work_waits(void) {
+    advance_can_in();
+    return used(&rx) > 0U || used(&can_rx) > 0U;
+}
+
 /* ---- time ---- */
 
 void links_advance(void) {

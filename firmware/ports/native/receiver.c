@@ -5,7 +5,7 @@
 #include "port.h"
 
 #define LINE_BYTES 4096U
-#define RX_BYTES   128U
+#define RX_BYTES   256U
 #define ERRORS_MAX 255U
 #define LINE_EDGES 1024U
 #define EDGES      32U

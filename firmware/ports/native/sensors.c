@@ -129,8 +129,12 @@ void board_set_period_us(uint32_t period_us) {
     }
 }
 
+bool board_tick_waits(void) {
+    return sensors.period_us != 0U && sensors.done != sensors.taken;
+}
+
 bool board_take_tick(void) {
-    if (sensors.period_us == 0U || sensors.done == sensors.taken) {
+    if (!board_tick_waits()) {
         return false;
     }
     for (uint32_t missed = sensors.done - sensors.taken - 1U; missed > 0U && sensors.late < LATE_MAX;

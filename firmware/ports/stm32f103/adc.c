@@ -9,6 +9,7 @@
 #include "clock.h"
 #include "core/watch.h"
 #include "generated/used_parts.h"
+#include "idle.h"
 #include "nvic.h"
 #include "samples.h"
 #include "stm32f103.h"
@@ -150,6 +151,9 @@ void adc_on_scan(void) {
     if (scans_summed == 0U) {
         for (uint32_t i = 0U; i < channels; i++) {
             check_input(i, scan[i]);
+        }
+        if ((railed | stuck) != 0U) {
+            idle_tell();
         }
         if (waiting && overrun) { /* two scans are stored: which of them is the sample's is unknown */
             waiting = false;

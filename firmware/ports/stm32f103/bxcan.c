@@ -197,8 +197,12 @@ void can_rx_handler(void) {
     idle_end();
 }
 
+bool can_frame_waits(void) {
+    return rx_in != rx_out;
+}
+
 bool board_can_read(can_frame_t *frame) {
-    if (rx_in == rx_out) {
+    if (!can_frame_waits()) {
         return false;
     }
     *frame = rx_ring[rx_out & FIFO_MASK];

@@ -10,6 +10,9 @@ void can_init(void);
 /* True if received frames have been lost since the start. */
 bool can_overrun(void);
 
+/* True when a received frame waits. */
+bool can_frame_waits(void);
+
 void can_rx_handler(void);
 void can_tx_handler(void);
 

@@ -11,6 +11,7 @@
  * are not to be trusted (imu_counts.h) are missing, too. */
 #include "imu.h"
 #include "generated/used_parts.h"
+#include "idle.h"
 #include "imu_counts.h"
 #include "samples.h"
 #include "spi.h"
@@ -116,6 +117,7 @@ static void lose(uint8_t cause) {
     s->wait_ms = active == GYRO ? 0U : RETRY_MS;
     tries = 0U;
     phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
+    idle_tell();
 }
 
 /* True when the byte that was read is the one that the step of the set-up expects; also when it wrote. */

@@ -1,7 +1,7 @@
 /* USART3 at 420 kBd, 8N1, receiving only, one interrupt of 20 instructions a byte (RM0008 27.3.3, 27.6):
  * every DMA channel that could serve it is taken. Nothing is sent to the receiver. Errors are counted; the
- * CRC of the frames rejects damaged data. The loop comes round every millisecond by itself, so no byte wakes
- * it. */
+ * CRC of the frames rejects damaged data. The loop makes a whole turn every few milliseconds by itself, so no
+ * byte wakes it. */
 #include "receiver_uart.h"
 #include "app/board_receiver.h"
 #include "clock.h"
@@ -9,7 +9,7 @@
 #include "stm32f103.h"
 
 #define BAUD       420000U
-#define RX_BYTES   128U /* 3 ms at full rate; a power of two */
+#define RX_BYTES   256U /* 6 ms at full rate; a power of two */
 #define ERRORS_MAX 255U
 
 static uint8_t sticks_ring[RX_BYTES];

@@ -33,6 +33,10 @@ void samples_clear(void) {
     late = 0U;
 }
 
+bool samples_wait(void) {
+    return done != done_seen;
+}
+
 bool samples_poll(void) {
     const uint32_t now = done;
     memory_fence(); /* the raw counts are read after `done` */

@@ -24,6 +24,9 @@ void samples_miss(void);
 /* Set all counts to 0, drop waiting samples, and count no late period. Call while no period runs. */
 void samples_clear(void);
 
+/* True when a sample was published since the last samples_poll(). */
+bool samples_wait(void);
+
 /* True when a sample was published since the last call. */
 bool samples_poll(void);
 

@@ -140,6 +140,10 @@ void board_use_sensors(const board_sensors_t *wanted) {
     board_set_period_us(period_us);
 }
 
+bool board_tick_waits(void) {
+    return running_us != 0U && samples_wait();
+}
+
 bool board_take_tick(void) {
     if (running_us == 0U) {
         return false;

@@ -80,8 +80,17 @@ void uart_rx_dma_handler(void) {
     idle_end();
 }
 
+/* Where the DMA writes the next byte. */
+static uint32_t rx_end(void) {
+    return (RX_BYTES - DMA1_CNDTR5) % RX_BYTES;
+}
+
+bool uart_bytes_wait(void) {
+    return rx_end() != rx_taken;
+}
+
 size_t board_uart_read(uint8_t *bytes, size_t room) {
-    const uint32_t end = (RX_BYTES - DMA1_CNDTR5) % RX_BYTES;
+    const uint32_t end = rx_end();
     memory_fence(); /* the bytes are read after the counter */
     uint32_t from = rx_taken;
     const size_t waiting = (end - from) % RX_BYTES;

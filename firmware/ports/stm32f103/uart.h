@@ -2,6 +2,7 @@
 #ifndef PLUMB_STM32F103_UART_H
 #define PLUMB_STM32F103_UART_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 /* After clock_init(). */
@@ -9,6 +10,9 @@ void uart_init(void);
 
 /* Received characters that were lost or damaged; stops at 255. */
 uint32_t uart_errors(void);
+
+/* True when received bytes wait. */
+bool uart_bytes_wait(void);
 
 void uart_handler(void);
 void uart_rx_dma_handler(void);
