@@ -358,7 +358,7 @@ def test_noise_at_the_pulse_input_makes_no_frames_and_nothing_late() -> None:
     assert not flight.session.connect()["FAULTS"] & (LATE | OVERRUN) and machine.warnings == []
 
 
-def test_a_loop_that_stands_still_loses_the_bytes_behind_the_first_128() -> None:
+def test_a_loop_that_stands_still_loses_the_bytes_behind_the_first_256() -> None:
     pytest.importorskip("unicorn")
     from plumb.boards.strap import set_strap
     from plumb.f103.machine import Machine
@@ -368,15 +368,15 @@ def test_a_loop_that_stands_still_loses_the_bytes_behind_the_first_128() -> None
     set_strap(machine, "quadrotor")
     machine.reset()
     machine.advance_us(10_000)
-    data = bytes(range(250))
+    data = bytes(n % 251 for n in range(400))
     machine.usart3.receive(data)
-    machine.advance_us(7_000)
+    machine.advance_us(10_000)
 
     def memory(name: str, size: int) -> bytes:
         at = elf.symbol(name).address - 0x20000000
         return bytes(machine.cpu.ram[at : at + size])
 
-    assert memory("sticks_ring", 128) == data[:128] and memory("sticks_errors", 4)[0] == len(data) - 128
+    assert memory("sticks_ring", 256) == data[:256] and memory("sticks_errors", 4)[0] == len(data) - 256
     assert machine.reset_count == 2 and machine.warnings == []
 
 
@@ -406,9 +406,9 @@ def test_bytes_that_the_loop_does_not_fetch_are_lost_and_counted() -> None:
     mcu = flight.board
     flight.begin()
     flight.fly(0.02, crsf.sticks(roll=0.5))
-    mcu.wires.turn_us = 6000
-    flight.receive(crsf.sticks(roll=-0.5) * 12)
-    flight.fly(0.02, b"")
+    mcu.wires.turn_us = 9000
+    flight.receive(crsf.sticks(roll=-0.5) * 24)
+    flight.fly(0.03, b"")
     mcu.wires.turn_us = 0
     flight.fly(0.02, b"")
     flight.receive(crsf.sticks(roll=0.25))

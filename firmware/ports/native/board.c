@@ -16,9 +16,18 @@ void board_init(const board_setup_t *setup) {
     actuators_reset();
 }
 
-uint32_t board_faults(void) {
+static uint32_t faults(void) {
     return native.faults | port.faults | guard_faults() | links_faults() | sensors_faults() |
            actuators_faults() | (port.stalled ? BOARD_FAULT_STALLED : 0U);
+}
+
+uint32_t board_faults(void) {
+    port.known = faults();
+    return port.known;
+}
+
+bool board_work_waits(void) {
+    return (faults() & ~port.known) != 0U || links_wait();
 }
 
 uint32_t board_now_us(void) {

@@ -328,7 +328,7 @@ const board_can_health_t *board_can_health(void) {
 
 /* ---- both ---- */
 
-bool board_work_waits(void) {
+bool links_wait(void) {
     advance_can_in();
     return used(&rx) > 0U || used(&can_rx) > 0U;
 }

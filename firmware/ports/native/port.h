@@ -20,6 +20,7 @@ typedef struct {
     uint64_t fed_us;          /* when it last fed the watchdog */
     board_identity_t identity;
     uint32_t faults; /* BOARD_FAULT_ bits of the board as a whole */
+    uint32_t known;  /* those of all parts that the loop has fetched last */
     bool wake;       /* the loop is to make a turn */
     bool driving;    /* the actuators may move: the stall watch is on */
     bool stalled;
@@ -55,6 +56,7 @@ void links_reset(void);
 void links_advance(void);
 uint64_t links_next_ns(void);
 uint32_t links_faults(void);
+bool links_wait(void);   /* received bytes or frames wait */
 void links_unplug(void); /* drops the bytes and frames on the lines */
 void receiver_reset(void);
 uint32_t receiver_errors(void); /* bytes that were lost; stops at 255 */

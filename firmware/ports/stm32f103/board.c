@@ -12,6 +12,7 @@
 #include "faults.h"
 #include "generated/used_parts.h"
 #include "guard.h"
+#include "idle.h"
 #include "i2c.h"
 #include "image_header.h"
 #include "linker.h"
@@ -119,6 +120,16 @@ void board_init(const board_setup_t *setup) {
 const board_identity_t *board_identity(void) {
     return &identity;
 }
+
+#if USED_ACTUATORS
+bool board_work_waits(void) {
+    const bool news = idle_news;
+    if (news) {
+        idle_news = false;
+    }
+    return news || uart_bytes_wait() || can_frame_waits();
+}
+#endif
 
 /* Of the links and of the receiver; stops at 255. */
 static uint32_t all_uart_errors(void) {

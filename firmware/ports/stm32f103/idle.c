@@ -1,20 +1,10 @@
 #include "idle.h"
 #include "app/board.h"
-#include "bxcan.h"
-#include "uart.h"
 
 volatile bool idle_over;
 
 #if USED_ACTUATORS
 volatile bool idle_news;
-
-bool board_work_waits(void) {
-    const bool news = idle_news;
-    if (news) {
-        idle_news = false;
-    }
-    return news || uart_bytes_wait() || can_frame_waits();
-}
 #endif
 
 void board_idle(void) {

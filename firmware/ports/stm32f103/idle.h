@@ -1,4 +1,4 @@
-/* Sleep of the main loop: idle.c implements board_idle() and board_work_waits(). */
+/* Sleep of the main loop: idle.c implements board_idle(). */
 #ifndef PLUMB_STM32F103_IDLE_H
 #define PLUMB_STM32F103_IDLE_H
 
