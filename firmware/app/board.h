@@ -69,9 +69,9 @@ uint32_t board_faults(void);
 /* Microseconds since start, modulo 2^32 (71.6 minutes); never steps back otherwise. */
 uint32_t board_now_us(void);
 
-/* Call at the beginning of every turn of the loop. While the actuators may move (after board_arm_actuator()),
- * an interrupt sets the outputs to neutral when no turn begins for 20 ms. The outputs then ignore every
- * command, and BOARD_FAULT_STALLED is set, until board_clear_actuator_faults(). */
+/* Call at the beginning of every whole turn of the loop. While the actuators may move (after
+ * board_arm_actuator()), an interrupt sets the outputs to neutral when no turn begins for 20 ms. The outputs
+ * then ignore every command, and BOARD_FAULT_STALLED is set, until board_clear_actuator_faults(). */
 void board_turn(void);
 
 /* True when a turn of the loop has work: bytes of the UART or frames of CAN wait to be fetched, or since the

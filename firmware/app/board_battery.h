@@ -8,7 +8,7 @@
 #define BATTERY_INPUTS 2U /* voltage, current */
 
 /* The newest counts, 0 to 4095 of 3.3 V; false while there are none that were not read yet. Call on every
- * turn of the loop: each call also starts the next conversion. */
+ * whole turn of the loop: each call also starts the next conversion. */
 bool board_battery_read(uint16_t counts[BATTERY_INPUTS]);
 
 #endif

@@ -26,9 +26,9 @@ typedef struct {
     uint16_t bus_offs;  /* how often it went bus-off, modulo 2^16 */
 } board_can_health_t;
 
-/* Stay on the CAN bus at this rate, and receive these identifiers only. Call on every turn of the loop: after
- * bus-off this brings the board back, after a pause that doubles up to 1 s. kbit: a divisor of 2000 from 125
- * to 1000; the same values again change nothing. ids: up to 56, in memory that the caller keeps. */
+/* Stay on the CAN bus at this rate, and receive these identifiers only. Call on every whole turn of the loop:
+ * after bus-off this brings the board back, after a pause that doubles up to 1 s. kbit: a divisor of 2000
+ * from 125 to 1000; the same values again change nothing. ids: up to 56, in memory that the caller keeps. */
 void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count);
 
 /* The oldest received frame; false when there is none. */

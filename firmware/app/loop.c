@@ -81,12 +81,12 @@ static void transmit(void) {
     size_t count;
     do {
         const size_t room = board_uart_room();
-        count = session_transmit(&session, bytes, room < sizeof bytes ? room : sizeof bytes);
+        count = session_transmit(&buffers, bytes, room < sizeof bytes ? room : sizeof bytes);
         (void)board_uart_write(bytes, count);
     } while (count > 0U);
 
     can_frame_t frame;
-    while (board_can_room() && session_transmit_frame(&session, &frame)) {
+    while (board_can_room() && session_transmit_frame(&buffers, &frame)) {
         board_can_send(&frame);
     }
 }

@@ -98,9 +98,9 @@ bool arming_arm(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us
 /* Next value for the keep-alive of the host that armed, when one is due; else 0. */
 uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us);
 
-/* Feed the reading of the switch, or of a pilot's; call on every turn of the loop. True once for each closing
- * that counts: closed for ARMING_SWITCH_US after being open for as long. A switch that is closed at the start
- * has to be opened first. */
+/* Feed the reading of the switch, or of a pilot's; call on every whole turn of the loop. True once for each
+ * closing that counts: closed for ARMING_SWITCH_US after being open for as long. A switch that is closed at
+ * the start has to be opened first. */
 bool arming_switch(arming_t *a, bool closed, uint32_t now_us);
 
 /* The switch cannot be read, or another one is read from now on: it has to be seen open once more before a

@@ -5,13 +5,25 @@
 #if USED_BATTERY
 enum { VOLTAGE, CURRENT };
 
-void battery_follow(battery_t *b, bool read, const uint16_t counts[BATTERY_INPUTS]) {
+/* How many steps of the smoothing are due. After a pause only as many as the longest turn takes. */
+static uint32_t steps_due(battery_t *b, uint32_t now_us) {
+    const uint32_t due = (now_us - b->us) / BATTERY_STEP_US;
+
+    b->us = due > BATTERY_STEPS_MAX ? now_us : b->us + due * BATTERY_STEP_US;
+    return due > BATTERY_STEPS_MAX ? BATTERY_STEPS_MAX : due;
+}
+
+void battery_follow(battery_t *b, bool read, const uint16_t counts[BATTERY_INPUTS], uint32_t now_us) {
+    const uint32_t due = steps_due(b, now_us);
+
     if (read) {
-        b->voltage_q6 += counts[VOLTAGE] - (b->voltage_q6 >> BATTERY_SMOOTH_LOG2);
+        for (uint32_t step = 0; step < due; step++) {
+            b->voltage_q6 += counts[VOLTAGE] - (b->voltage_q6 >> BATTERY_SMOOTH_LOG2);
+        }
         b->current = counts[CURRENT];
-        b->turns = BATTERY_TURNS;
-    } else if (b->turns > 0U) {
-        b->turns--;
+        b->known_steps = BATTERY_KNOWN_STEPS;
+    } else {
+        b->known_steps = (uint8_t)(b->known_steps > due ? b->known_steps - due : 0U);
     }
 }
 
@@ -27,7 +39,7 @@ uint16_t battery_missing(const battery_t *b, const params_t *params) {
     if (params->battery_min_mv == 0U) {
         return 0;
     }
-    if (b->turns == 0U || railed || mv < BATTERY_LEAST_MV) {
+    if (b->known_steps == 0U || railed || mv < BATTERY_LEAST_MV) {
         return READINESS_BATTERY_UNKNOWN;
     }
     return mv < params->battery_min_mv ? READINESS_BATTERY_LOW : 0U;

@@ -60,15 +60,15 @@ typedef struct {
     uint32_t gesture_us; /* since when the sticks ask for the other position */
 } receiver_t;
 
-/* Handle bytes of the line, which came until now. Call on every turn of the loop, with none, too: it sees the
- * pause. */
+/* Handle bytes of the line, which came until now. Call on every whole turn of the loop, with none, too: it
+ * sees the pause. */
 void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count, uint32_t now_us);
 
 /* Handle a frame of a pulse train, which has ended now. */
 void receiver_pulses(receiver_t *r, const uint16_t pulse_us[PPM_CHANNELS], uint32_t now_us);
 
-/* True while frames come and the receiver hears the transmitter. Call on every turn of the loop: it sees the
- * silence. */
+/* True while frames come and the receiver hears the transmitter. Call on every whole turn of the loop: it
+ * sees the silence. */
 bool receiver_heard(receiver_t *r, uint32_t now_us);
 
 /* True when the pilot has the rotors switched on, by the newest frames that counted. */

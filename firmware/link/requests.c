@@ -14,7 +14,8 @@
 /* Outbox entries that one CAN frame may need: two replies (one may be a pending SETPOINT_USED), and the
  * urgent frames. */
 #define FRAME_REPLIES (2U + OUTBOX_URGENT)
-/* Of a turn in real time: less than two requests of 22 bytes. A commit takes 0.17 ms; a step may be due every 0.5 ms. */
+/* Of a turn in real time: less than two requests of 22 bytes. A commit takes 0.17 ms; a step may be due every
+ * 0.5 ms. */
 #define REALTIME_BYTES 32U
 
 /* ---- link ---- */

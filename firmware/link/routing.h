@@ -60,9 +60,9 @@ bool routing_accept(routing_t *r, const request_t *request);
 /* Count the frames missing between the last frame of this identifier and this one. */
 void routing_note_counter(routing_t *r, const request_t *request);
 
-/* Call on every turn of the loop. On CAN nothing shows that a host has gone: after ROUTING_SILENCE_US without
- * a frame CAN is closed and its outbox emptied, so that the next host does not get old frames. Returns true
- * when that happened in this call. can_kbit: the parameter in use. */
+/* Call on every whole turn of the loop. On CAN nothing shows that a host has gone: after ROUTING_SILENCE_US
+ * without a frame CAN is closed and its outbox emptied, so that the next host does not get old frames.
+ * Returns true when that happened in this call. can_kbit: the parameter in use. */
 #define ROUTING_SILENCE_US 2000000U
 bool routing_poll(routing_t *r, uint32_t can_kbit, uint32_t now_us);
 

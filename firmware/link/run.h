@@ -73,11 +73,11 @@ void run_end(run_t *r);
 /* True once after a run began. */
 bool run_pop_begin(run_t *r);
 
-/* Call on every turn of the loop: detects that the source of injected samples has gone silent. */
+/* Call on every whole turn of the loop: detects that the source of injected samples has gone silent. */
 void run_poll(run_t *r, uint32_t period_us, uint32_t now_us);
 
 /* True while a step is overdue: the last step of a run in real time, or its begin, is more than 3 periods and
- * more than 20 ms ago. Call on every turn of the loop, before run_pop_begin(). */
+ * more than 20 ms ago. Call on every whole turn of the loop, before run_pop_begin(). */
 bool run_step_overdue(run_t *r, uint32_t period_us, uint32_t now_us);
 
 /* True during a run in real time on injected samples. */

@@ -17,7 +17,7 @@ void session_report(session_t *s, const session_report_t *report, uint32_t now_u
     s->readiness.outside = 0;
 #endif
 #if USED_BATTERY
-    battery_follow(&s->battery, report->battery_read, report->battery_counts);
+    battery_follow(&s->battery, report->battery_read, report->battery_counts, now_us);
     s->readiness.outside = battery_missing(&s->battery, s->params);
 #endif
     session_follow_switches(s, report->switch_closed, now_us);
@@ -122,12 +122,12 @@ void session_ask_bootloader(session_t *s, uint32_t now_us) {
     s->bootloader_us = now_us;
 }
 
-size_t session_transmit(session_t *s, uint8_t *out, size_t room) {
-    return outbox_pop_text(s->routing.link[LINK_UART].outbox, out, room);
+size_t session_transmit(session_buffers_t *buffers, uint8_t *out, size_t room) {
+    return outbox_pop_text(&buffers->routing.outbox[LINK_UART], out, room);
 }
 
-bool session_transmit_frame(session_t *s, can_frame_t *frame) {
-    return outbox_pop_frame(s->routing.link[LINK_CAN].outbox, frame);
+bool session_transmit_frame(session_buffers_t *buffers, can_frame_t *frame) {
+    return outbox_pop_frame(&buffers->routing.outbox[LINK_CAN], frame);
 }
 
 /* The counts of injected samples are checked like the board's own sensors. */

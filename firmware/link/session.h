@@ -89,11 +89,11 @@ session_orders_t session_take_orders(session_t *s, uint32_t now_us);
 uint32_t session_turn_within_us(const session_t *s, uint32_t now_us);
 
 /* Remove up to room bytes for the UART; returns how many. Order is kept, a frame may be split between two
- * calls. */
-size_t session_transmit(session_t *s, uint8_t *out, size_t room);
+ * calls. Reads nothing of the state, whose memory a short turn has not checked. */
+size_t session_transmit(session_buffers_t *buffers, uint8_t *out, size_t room);
 
 /* Remove the next frame for CAN; false when none waits. */
-bool session_transmit_frame(session_t *s, can_frame_t *frame);
+bool session_transmit_frame(session_buffers_t *buffers, can_frame_t *frame);
 
 /* ---- for requests.c, which has checked nonce and permission ---- */
 

@@ -40,8 +40,8 @@ typedef enum {
 } setpoint_age_t;
 
 #if CONTROL_COMMANDS_MAX > 0U
-/* Use the setpoint and the first `count` words of commands of a source on the board. Call on every turn of
- * the loop, after setpoint_poll(): they replace what arming and time-outs have set. */
+/* Use the setpoint and the first `count` words of commands of a source on the board. Call on every whole turn
+ * of the loop, after setpoint_poll(): they replace what arming and time-outs have set. */
 void setpoint_of_board(setpoint_t *s, int32_t value, const int16_t *words, size_t count);
 
 uint16_t setpoint_refused_set(const setpoint_t *s, uint16_t number, uint16_t next_step);
@@ -76,7 +76,7 @@ static inline uint16_t setpoint_refused(const setpoint_t *s, uint16_t number, ui
 /* Handle a setpoint that counts from the source of this run. */
 void setpoint_receive(setpoint_t *s, int32_t value);
 
-/* Call on every turn of the loop: applies the time-out and the end of arming. driving: the actuator may
+/* Call on every whole turn of the loop: applies the time-out and the end of arming. driving: the actuator may
  * move. next_step: of the run. */
 void setpoint_poll(setpoint_t *s, bool armed, bool driving, uint16_t next_step, uint32_t now_us);
 

@@ -46,7 +46,8 @@ typedef struct {
     uint32_t status_us; /* of the last STATUS */
 } status_t;
 
-/* True when TIME, or STATUS with the frames that follow it, is due. Call both on every turn of the loop. */
+/* True when TIME, or STATUS with the frames that follow it, is due. Call both on every whole turn of the
+ * loop. */
 bool status_time_due(status_t *s, uint32_t now_us);
 bool status_due(status_t *s, uint32_t now_us);
 
@@ -59,7 +60,7 @@ typedef struct {
     bool counts; /* a changed counter is sent at once, too: a run in real time is on */
 } status_round_t;
 
-/* Call on every turn of the loop for an open link: sends the frames that are due. status, flags: mode,
+/* Call on every whole turn of the loop for an open link: sends the frames that are due. status, flags: mode,
  * blocked and flags of STATUS; its faults are filled in. */
 void status_send(const status_t *s, const status_round_t *round, message_status_t *status, uint8_t flags,
                  const message_events_t *events, const message_plausibility_t *plausibility);

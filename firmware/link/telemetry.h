@@ -41,7 +41,7 @@ void telemetry_step(telemetry_t *t, routing_t *r, const control_t *c, const plum
 
 /* Send the selected words of the last step (record: control_words()) that were not sent yet. pacer: the link
  * whose host paces the steps; words wait for room there. LINK_NONE: all go out now, and words without room
- * are dropped. Call after each step and on every turn of the loop. */
+ * are dropped. Call after each step and on every whole turn of the loop. */
 void telemetry_send_words(telemetry_t *t, routing_t *r, const void *record, link_t pacer);
 
 /* True while words of the last step wait for room. */

@@ -38,10 +38,10 @@ def test_every_kernel_is_within_its_budget(measured: BenchResult, kernel: str) -
     row, budget = measured.kernels[kernel], bench.BUDGETS[kernel]
     assert row.max_err <= budget.max_err
     assert row.instructions_max <= (budget.instructions or math.inf)
-    if budget.cycles is None:
+    assert row.cycles_mean <= (budget.cycles_mean or math.inf) and row.cycles_2ws_max < budget.cycles_2ws
+    if budget.period_us is None and budget.cycles is None:
         assert row.cycles_2ws_max < 0.75 * bench.SHORTEST_PERIOD_CYCLES, "the rest is the link's and the interrupts'"
-    else:
-        assert row.cycles_max <= budget.cycles, measured.render()
+    assert row.cycles_max <= (budget.cycles or math.inf), measured.render()
 
 
 @pytest.mark.slow
@@ -134,6 +134,22 @@ def test_a_budget_of_instructions_that_is_exceeded_is_seen() -> None:
         shown = BenchResult({"lockstep_step": row}, SIZES, LIMITS, {})
         assert shown.within_budget is within
         assert ("1 instructions over" in shown.render()) is not within
+
+
+def test_a_frame_in_flight_that_takes_too_long_is_seen() -> None:
+    budget = bench.BUDGETS["live_frame"]
+    assert budget.cycles_mean is not None and budget.cycles_2ws == 54_000.0
+
+    def shown(**figures: int) -> BenchResult:
+        good = dataclasses.replace(GOOD, cycles_mean=budget.cycles_mean, cycles_2ws_max=54_000, max_err=0.0)
+        return BenchResult({"live_frame": dataclasses.replace(good, **figures)}, SIZES, LIMITS, {})
+
+    assert shown().within_budget and f"in the mean of {budget.cycles_mean}; 30 % of 2500 us" in shown().render()
+    slow = shown(cycles_mean=budget.cycles_mean + 1)
+    assert not slow.within_budget and "1 cycles over in the mean" in slow.render()
+    worst = shown(cycles_2ws_max=54_001)
+    assert not worst.within_budget and "1 cycles over at two wait states" in worst.render()
+    assert not shown(max_err=1).within_budget
 
 
 def test_without_an_image_one_sentence_names_the_command(tmp_path: Path) -> None:

@@ -125,7 +125,7 @@ static void turn(study_t *s) {
         control_step(&s->control, &s->params.control, raw, setpoint);
         session_stepped(&s->session);
     }
-    while (session_transmit_frame(&s->session, &f)) {
+    while (session_transmit_frame(&s->buffers, &f)) {
         send(s, &s->up, &f);
     }
 }

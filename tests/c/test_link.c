@@ -221,7 +221,7 @@ static void check_session(void) {
             session_stepped(&session);
             steps++;
         }
-        (void)session_transmit(&session, bytes, check_random() % sizeof bytes);
+        (void)session_transmit(&buffers, bytes, check_random() % sizeof bytes);
         now_us += 100U;
     }
     CHECK(steps > 10000);

@@ -70,7 +70,7 @@ def test_what_is_wrong_with_the_battery_is_named_and_neither_pilot_nor_host_arms
 
 
 def test_a_voltage_that_is_not_read_again_is_not_known() -> None:
-    """Within 200 turns of the loop, which are 200 ms at most."""
+    """Within 200 ms."""
     field = declared()
     field.passes(3.0)
     assert not field.missing
@@ -89,6 +89,15 @@ def test_in_the_air_the_battery_is_told_and_takes_nothing_away(case: str) -> Non
     field.passes(2.0)
     assert field.board.armed and turns(field.pulses)
     assert text in field.missing
+
+
+def test_a_voltage_that_falls_in_the_air_is_seen_as_soon_as_on_the_ground() -> None:
+    """After 256 ms, four time constants of the smoothing, and the period of the report."""
+    field = declared()
+    field.arms()
+    field.board.wires.battery_voltage = LOW
+    field.passes(0.36)
+    assert field.session.telemetry["BATTERY"]["voltage_mv"] < 10_250
 
 
 def test_before_the_rotors_turn_a_low_battery_disarms() -> None:

@@ -1,6 +1,6 @@
 /* Voltage and current of the battery by ADC2, input 8 and 9 in turn, or in the pin set wheels the voltage
- * alone, input 2; one conversion a turn of the loop (RM0008 11.3, 11.4, 11.12). ADC1, whose scans are the
- * samples of analog sensors, has no part in it, and no interrupt and no DMA channel either. */
+ * alone, input 2; one conversion a whole turn of the loop (RM0008 11.3, 11.4, 11.12). ADC1, whose scans are
+ * the samples of analog sensors, has no part in it, and no interrupt and no DMA channel either. */
 #include "battery_adc.h"
 #include "app/board.h"
 #include "app/board_battery.h"

@@ -31,9 +31,8 @@ FEEDS_THE_CRC_UNIT = ("crc_of_words", "digest_crc32")
 
 @dataclass(frozen=True)
 class LiveFrame:
-    """Instructions and cycles of a frame, at zero and at two wait states. share_2ws: of the period, at two wait states
-    and in the worst frame. wrong: frames without exactly one step. bytes: of the functions that ran. stack: deepest,
-    bytes."""
+    """Instructions and cycles of a frame, at zero and at two wait states. wrong: frames without exactly one step.
+    bytes: of the functions that ran. stack: deepest, bytes."""
 
     instructions_min: int
     instructions_max: int
