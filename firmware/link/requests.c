@@ -14,9 +14,6 @@
 /* Outbox entries that one CAN frame may need: two replies (one may be a pending SETPOINT_USED), and the
  * urgent frames. */
 #define FRAME_REPLIES (2U + OUTBOX_URGENT)
-/* Of a turn in real time: less than two requests of 22 bytes. A commit takes 0.17 ms; a step may be due every
- * 0.5 ms. */
-#define REALTIME_BYTES 32U
 
 /* ---- link ---- */
 
@@ -350,9 +347,7 @@ void requests_handle(session_t *s, const request_t *q) {
 }
 
 size_t requests_room(const session_t *s) {
-    const size_t room = commands_room(&s->routing);
-
-    return s->run.mode == RUN_REALTIME && room > REALTIME_BYTES ? REALTIME_BYTES : room;
+    return commands_room(&s->routing);
 }
 
 static void receive_text_frame(session_t *s, const can_frame_t *f, uint32_t now_us) {

@@ -8,8 +8,8 @@
 
 #include "session.h"
 
-/* Number of bytes that requests_receive() may get now, so that every reply has room, and in real time the
- * next step is not late. 0 while the host does not read its replies. */
+/* Number of bytes that requests_receive() may get now, so that every reply has room. 0 while the host does
+ * not read its replies. */
 size_t requests_room(const session_t *s);
 
 /* Handle received bytes of the UART, at most requests_room(). */

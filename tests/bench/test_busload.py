@@ -96,7 +96,7 @@ def test_every_system_has_its_rows() -> None:
 
 def test_the_bit_timing_is_that_of_the_driver() -> None:
     driver = (ROOT / "firmware/ports/stm32f103/bxcan.c").read_text()
-    quanta_khz = int(re.search(r"QUANTA_KHZ +(\d+)u", driver)[1])  # type: ignore[index]
+    quanta_khz = int(re.search(r"QUANTA_KHZ +(\d+)U", driver)[1])  # type: ignore[index]
     assert quanta_khz * bus_load.QUANTA == 36_000
     assert f"CAN_BTR_SJW_{bus_load.SJW} | CAN_BTR_TS2_{bus_load.PHASE_2} " in driver
     assert bus_load.clock_tolerance() == pytest.approx(0.0043, abs=5e-5)

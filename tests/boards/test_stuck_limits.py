@@ -64,9 +64,9 @@ def table(chip: str) -> list[tuple[float, int, int]]:
     text = (CHIPS / f"{source}.c").read_text()
     body = re.search(rf"imu_still_t {name or 'still'}\[\] = \{{(.*?)\n\}};", text, re.DOTALL)
     assert body
-    rows = re.findall(r"\{(\d+)u, +(\d+)u, +(\d+)u\}", body[1])
+    rows = re.findall(r"\{(\d+)U, +(\d+)U, +(\d+)U\}", body[1])
     made = [(int(ms) * 1e-3, int(whole), int(axis)) for ms, whole, axis in rows]
-    last = re.search(r"\.still_last = (\d+)u", text)
+    last = re.search(r"\.still_last = (\d+)U", text)
     assert last and len(made) == int(last[1]) + 1
     return made + made[-1:] * (len(OPTIONS[chip]) - len(made))
 
@@ -124,7 +124,7 @@ def test_an_axis_that_stands_while_motors_may_turn_is_found_in_400_ms(
     chip: str, options: dict[int, float], word: str, moved_lsb: float
 ) -> None:
     """With every option that a board may be armed with: a driven body moves each axis by so much rms at least."""
-    text = re.search(r"IMU_STILL_DRIVEN_US (\d+)u", (CHIPS / "imu_watch.h").read_text())
+    text = re.search(r"IMU_STILL_DRIVEN_US (\d+)U", (CHIPS / "imu_watch.h").read_text())
     assert text and int(text[1]) == 400_000
     (least, most) = next(row.armed for row in parameters.table() if row.name == word)
     for option, (interval_s, _whole, axis) in zip(options, table(chip), strict=True):
