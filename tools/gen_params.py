@@ -32,9 +32,11 @@ from plumb.spec.armed_values import LEAST, MOST, PRODUCT, REACH, Condition, cond
 from plumb.spec.parameters import Parameter, table  # noqa: E402
 
 
-def generate(system: int, groups: Collection[str]) -> dict[str, str]:
-    """File name -> text. system: the number of the system in use with factory values; groups: those that are held."""
+def generate(system: int, groups: Collection[str], ways: int) -> dict[str, str]:
+    """File name -> text. system: the number of the system in use with factory values; groups: those that are held;
+    ways: how many ways of wiring the sensors the image knows."""
     rows = [replace(row, default=system) if row.name == "system" else row for row in table()]
+    rows = [replace(row, max=ways - 1) if row.name == "accel_bus" else row for row in rows]
     held = [row for row in rows if not row.group or row.group in groups]
     own = [row for row in held if row.owner == "link"]
     live = [place for place, row in enumerate(held) if row.live]

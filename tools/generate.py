@@ -17,14 +17,18 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tools")]
 
+import gen_chips  # type: ignore[import-not-found]  # noqa: E402
 import gen_messages  # type: ignore[import-not-found]  # noqa: E402
 import gen_params  # type: ignore[import-not-found]  # noqa: E402
 import gen_reference  # type: ignore[import-not-found]  # noqa: E402
 import gen_systems  # type: ignore[import-not-found]  # noqa: E402
+import wrap_prose  # type: ignore[import-not-found]  # noqa: E402
 from plumb.errors import UsageError  # noqa: E402
-from plumb.spec import declarations, images, tool_dbc  # noqa: E402
+from plumb.spec import declarations, images, imu_chips, tool_dbc  # noqa: E402
 
-BUILT = {"messages.c", "messages.h", "params.c", "params.h", "record_names.h", "record_places.c", "used_parts.h"}
+BUILT = {
+    "chips.c", "messages.c", "messages.h", "params.c", "params.h", "record_names.h", "record_places.c", "used_parts.h",
+}  # fmt: skip
 """Of firmware/generated: made in each build, and not committed."""
 
 
@@ -33,7 +37,13 @@ def c_files(built: tuple[str, ...] = (), flash: bool = False) -> dict[str, str]:
     only the parameters that they read."""
     first = min(declarations.system(name).number for name in built or declarations.names())
     groups = images.held_groups(built if flash and built else declarations.names())
-    files = {**gen_systems.generate(built, groups), **gen_params.generate(first, groups), **gen_messages.generate()}
+    ways = images.of_systems(built).ways if flash and built else len(imu_chips.ways())
+    files = {
+        **gen_systems.generate(built, groups),
+        **gen_params.generate(first, groups, ways),
+        **gen_messages.generate(),
+    }
+    files["chips.c"] = gen_chips.chips_c(ways)
     return {name if "/" in name else f"generated/{name}": text for name, text in files.items()}
 
 
@@ -45,6 +55,7 @@ def committed() -> dict[Path, str]:
         if name.removeprefix("generated/") not in BUILT
     }
     files |= {ROOT / "docs" / "reference" / name: text for name, text in gen_reference.generate().items()}
+    files[ROOT / "docs" / "reference" / "sensor-chips.md"] = wrap_prose.wrapped(gen_chips.page())
     return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": tool_dbc.text()}
 
 

@@ -8,13 +8,6 @@
 
 #define BOARD_RAW_MAX (USED_WHEELS ? 9U : 6U) /* raw counts of one sample; a system uses the first few */
 
-/* Where the accelerometer is. */
-typedef enum {
-    BOARD_ACCEL_I2C = 0, /* ADXL345, beside the ITG-3205 */
-    BOARD_ACCEL_SPI,     /* ADXL345; the ITG-3205 is on I2C */
-    BOARD_ACCEL_IN_GYRO  /* both in one chip on I2C: MPU-6050 */
-} board_accel_t;
-
 /* Which sensors a tick samples. */
 typedef enum {
     BOARD_SENSORS_NONE = 0, /* ticks alone: samples come from the host */
@@ -32,9 +25,9 @@ typedef struct {
     uint32_t rail_ms;     /* an input at a rail for this long, at least 3 conversions, is a fault; 0: never */
     uint32_t stuck_ms;    /* an input unchanged for this long, at least 3 conversions, is a fault; 0: never.
                              Digital sensors have limits of their own (from their noise), unless this is 0 */
-    uint32_t accel_bus;   /* board_accel_t */
-    uint32_t accel_rate;  /* ADXL345 BW_RATE: 0 to 15 */
-    uint32_t gyro_filter; /* DLPF_CFG of ITG-3205 or MPU-6050: 0 to 6 */
+    uint32_t accel_bus;   /* which chips are wired, and to which bus: the parameter of this name */
+    uint32_t accel_rate;  /* option of an accelerometer with a chip of its own, ADXL345 BW_RATE: 0 to 15 */
+    uint32_t gyro_filter; /* option of a gyro, or of both sensors of one chip, DLPF_CFG: 0 to 6 */
     uint32_t imu_axis;    /* of the wheels: 0 x, 1 y, 2 z */
     uint32_t marks_missing; /* 1: ticks go on when six axes are lost, with counts of INT16_MIN */
 } board_sensors_t;

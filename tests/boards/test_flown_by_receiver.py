@@ -14,8 +14,8 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from plumb.boards.virtual_machine import open_machine
 from plumb.contract.parameters import quantise
 from plumb.f103.attached.adxl345 import Adxl345
+from plumb.f103.attached.invensense import Invensense
 from plumb.f103.attached.itg3205 import Itg3205
-from plumb.f103.attached.mpu6050 import Mpu6050
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot
 from plumb.link.identity import disarmed_text
@@ -45,7 +45,7 @@ class Flown:
     """A machine, the host that listens to it, and its pilot."""
 
     def __init__(self, *, two_chips: bool = False) -> None:
-        self.sensor: Mpu6050 | Itg3205
+        self.sensor: Invensense | Itg3205
         self.accel: Adxl345
         self._noise = 0
 
@@ -56,7 +56,7 @@ class Flown:
             return self._noisy((0.0, 0.0, 1.0), 0.004)
 
         def couple(machine: Machine) -> None:
-            self.sensor = Itg3205(machine, rates) if two_chips else Mpu6050(machine, rates, forces)
+            self.sensor = Itg3205(machine, rates) if two_chips else Invensense(machine, rates, forces)
             machine.i2c_bus.slaves.append(self.sensor)
             if two_chips:
                 self.accel = Adxl345(machine, forces)

@@ -11,9 +11,9 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb.f103.attached import adxl345, itg3205, mpu6050
+from plumb.f103.attached import adxl345, invensense, itg3205
 from plumb.f103.attached.chip import Chip, Source
-from plumb.f103.attached.mpu6050 import Mpu6050
+from plumb.f103.attached.invensense import Invensense
 from plumb.link.realtime import Capture
 from support.sensor_bench import PERIOD_US
 from support.six_axes import IN_GYRO, ON_I2C, Six, six
@@ -37,7 +37,7 @@ def mpu() -> Six:
 def source_of(bench: Six, which: str) -> tuple[Chip, str]:
     """The chip that has the sensor, and the name of its source."""
     chip = bench.chips[which == ACCEL]
-    return chip, "forces" if which == ACCEL and isinstance(chip, Mpu6050) else "source"
+    return chip, "forces" if which == ACCEL and isinstance(chip, Invensense) else "source"
 
 
 def lies(bench: Six, which: str, axis: int, value: Callable[[float, float], float]) -> Callable[[], None]:
@@ -160,8 +160,9 @@ def test_a_gyro_that_stands_still_beside_a_live_accelerometer_disarms(mpu: Six) 
 
 
 SETTINGS = [
-    (IN_GYRO, 0, mpu6050.GYRO_CONFIG, 0x00), (IN_GYRO, 0, mpu6050.ACCEL_CONFIG, 0x00),
-    (IN_GYRO, 0, mpu6050.CONFIG, 0x06), (IN_GYRO, 0, mpu6050.SMPLRT_DIV, 0x09), (IN_GYRO, 0, mpu6050.PWR_MGMT_1, 0x00),
+    (IN_GYRO, 0, invensense.GYRO_CONFIG, 0x00), (IN_GYRO, 0, invensense.ACCEL_CONFIG, 0x00),
+    (IN_GYRO, 0, invensense.CONFIG, 0x06), (IN_GYRO, 0, invensense.SMPLRT_DIV, 0x09),
+    (IN_GYRO, 0, invensense.PWR_MGMT_1, 0x00),
     (ON_I2C, 0, itg3205.DLPF_FS, 0x00), (ON_I2C, 0, itg3205.SMPLRT_DIV, 0x09), (ON_I2C, 0, itg3205.PWR_MGM, 0x00),
     (ON_I2C, 1, adxl345.DATA_FORMAT, 0x00), (ON_I2C, 1, adxl345.BW_RATE, 0x0A), (ON_I2C, 1, adxl345.FIFO_CTL, 0x40),
 ]  # fmt: skip

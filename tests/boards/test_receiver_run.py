@@ -92,7 +92,7 @@ def native() -> Flight:
 def virtual() -> Flight:
     pytest.importorskip("unicorn")
     from plumb.boards.virtual_machine import open_machine
-    from plumb.f103.attached.mpu6050 import Mpu6050
+    from plumb.f103.attached.invensense import Invensense
     from plumb.f103.machine import Machine
 
     def rates(time_s: float) -> tuple[float, float, float]:
@@ -105,7 +105,7 @@ def virtual() -> Flight:
         return x, y, z
 
     def couple(machine: Machine) -> None:
-        machine.i2c_bus.slaves.append(Mpu6050(machine, rates, forces))
+        machine.i2c_bus.slaves.append(Invensense(machine, rates, forces))
 
     machine = open_machine(IMAGE, strap="quadrotor", couple=couple)
     return Flight(Session.open(machine.uart), machine.usart3.receive, machine)

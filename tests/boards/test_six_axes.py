@@ -10,12 +10,12 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb.errors import LinkError
-from plumb.f103.attached import mpu6050
+from plumb.f103.attached import invensense
 from plumb.f103.attached.adxl345 import Adxl345
+from plumb.f103.attached.invensense import Invensense
 from plumb.f103.attached.itg3205 import Itg3205
-from plumb.f103.attached.mpu6050 import Mpu6050
 from support.sensor_bench import DIGITAL, PERIOD_US, RECOVERY_S, SENSOR, STEPS_MISSED
-from support.six_axes import IN_GYRO, ON_I2C, ON_SPI, Six, made, six
+from support.six_axes import IN_GYRO, ON_I2C, ON_SPI, ONE_CHIP, ONE_CHIP_NAMES, Six, made, six
 
 ANOTHER = "another chip answers, or it did not take its settings"
 
@@ -25,7 +25,13 @@ def mpu() -> Six:
     return six(IN_GYRO)
 
 
-@pytest.mark.parametrize("bus", [ON_I2C, ON_SPI, IN_GYRO], ids=["two on I2C", "two, one on SPI", "one chip"])
+@pytest.fixture(params=ONE_CHIP, ids=ONE_CHIP_NAMES)
+def one(request: pytest.FixtureRequest) -> Six:
+    """With each chip that has both sensors."""
+    return six(request.param)
+
+
+@pytest.mark.parametrize("bus", [ON_I2C, ON_SPI, *ONE_CHIP], ids=["two on I2C", "two, one on SPI", *ONE_CHIP_NAMES])
 def test_a_sample_is_rates_and_accelerations_in_the_order_of_the_axes(bus: int) -> None:
     bench = six(bus)
     capture = bench.begin()
@@ -33,12 +39,12 @@ def test_a_sample_is_rates_and_accelerations_in_the_order_of_the_axes(bus: int) 
     rates: list[tuple[int, int, int]] = []
     forces: list[tuple[int, int, int]] = []
 
-    def take(chip: Itg3205 | Adxl345 | Mpu6050) -> Callable[[float, tuple[int, int, int]], None]:
+    def take(chip: Itg3205 | Adxl345 | Invensense) -> Callable[[float, tuple[int, int, int]], None]:
         def read(_time_s: float, counts: tuple[int, int, int]) -> None:
             if not isinstance(chip, Adxl345):
                 rates.append(counts)
             if not isinstance(chip, Itg3205):
-                forces.append(chip.force_counts if isinstance(chip, Mpu6050) else counts)
+                forces.append(chip.force_counts if isinstance(chip, Invensense) else counts)
 
         return read
 
@@ -65,11 +71,14 @@ def test_the_set_of_the_wheels_works_with_one_chip_too() -> None:
     assert capture.raw_counts(before + 10)[before:, :3].tolist() == seen[:10]
 
 
-def test_one_chip_is_set_to_2000_deg_per_s_and_16_g(mpu: Six) -> None:
-    capture = mpu.begin(gyro_filter=3)
-    mpu.run(capture, RECOVERY_S)
-    registers = mpu.mpu.registers
+def test_one_chip_is_set_to_2000_deg_per_s_and_16_g(one: Six) -> None:
+    capture = one.begin(gyro_filter=3)
+    one.run(capture, RECOVERY_S)
+    registers = one.mpu.registers
     assert (registers[0x1B], registers[0x1C], registers[0x1A], registers[0x19]) == (0x18, 0x18, 3, 0)
+    if one.bus != IN_GYRO:
+        register, bit = one.mpu.spi_alone
+        assert registers[0x1D] == 3 and registers[register] == bit, "filter of the accelerometer; I2C is off"
     raw = capture.raw_counts(capture.steps)[-1]
     assert raw[2] == pytest.approx(16.0 * 16.4, abs=60) and raw[5] == pytest.approx(0.95 * 2048, abs=60)
 
@@ -90,7 +99,7 @@ def test_a_sample_of_one_chip_is_complete_half_a_millisecond_after_its_tick(mpu:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("identity", mpu6050.IDENTITIES, ids=hex)
+@pytest.mark.parametrize("identity", invensense.identities("mpu6050"), ids=hex)
 def test_chips_that_are_sold_as_mpu6050_are_taken(mpu: Six, identity: int) -> None:
     mpu.mpu.identity = identity
     capture = mpu.begin(gyro_filter=1)  # other settings: it is started anew
@@ -121,9 +130,9 @@ def test_two_chips_where_one_is_expected_are_told() -> None:
 
 
 @pytest.mark.slow
-def test_a_chip_that_does_not_hear_its_settings_is_told(mpu: Six) -> None:
+def test_a_chip_that_does_not_hear_its_settings_is_told(one: Six) -> None:
     """Awake at +-250 deg/s and +-2 g: counts of another range would be worse than none."""
-    chip = mpu.mpu
+    chip = one.mpu
     honest = chip.written
 
     def written(register: int, value: int) -> None:
@@ -132,24 +141,24 @@ def test_a_chip_that_does_not_hear_its_settings_is_told(mpu: Six) -> None:
 
     chip.written = written  # type: ignore[method-assign]
     chip.brown_out()
-    capture = mpu.begin(gyro_filter=1)
-    assert mpu.run(capture, 0.2) == 0
-    assert mpu.told() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
+    capture = one.begin(gyro_filter=1)
+    assert one.run(capture, 0.2) == 0
+    assert one.told() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
     chip.written = honest  # type: ignore[method-assign]
-    mpu.recovers(capture)
+    one.recovers(capture)
 
 
 @pytest.mark.slow
-def test_one_chip_that_does_not_answer(mpu: Six) -> None:
-    capture = mpu.armed()
-    mpu.mpu.answers = False
-    mpu.run(capture, 2 * PERIOD_US * 1e-6 + 0.003)
-    assert not mpu.driving()
-    assert mpu.told() == ["gyro: does not answer", "accelerometer: does not answer"]
-    assert mpu.faults() & SENSOR
-    assert mpu.run(capture, 0.1) == 0, "no sample is made up"
-    mpu.mpu.answers = True
-    mpu.recovers(capture)
+def test_one_chip_that_does_not_answer(one: Six) -> None:
+    capture = one.armed()
+    one.mpu.answers = False
+    one.run(capture, 2 * PERIOD_US * 1e-6 + 0.003)
+    assert not one.driving()
+    assert one.told() == ["gyro: does not answer", "accelerometer: does not answer"]
+    assert one.faults() & SENSOR
+    assert one.run(capture, 0.1) == 0, "no sample is made up"
+    one.mpu.answers = True
+    one.recovers(capture)
 
 
 @pytest.mark.slow
@@ -190,20 +199,20 @@ def test_a_shorted_data_line_is_told_for_as_long_as_it_lasts(mpu: Six) -> None:
 
 
 @pytest.mark.slow
-def test_one_chip_whose_data_hang(mpu: Six) -> None:
+def test_one_chip_whose_data_hang(one: Six) -> None:
     """3 equal samples of all six axes are beyond noise: 30 ms at the default filter."""
-    capture = mpu.armed()
-    mpu.mpu.frozen = True
-    mpu.run(capture, 0.030 - 2 * PERIOD_US * 1e-6)
-    assert mpu.driving()
-    mpu.run(capture, 5 * PERIOD_US * 1e-6)
-    assert not mpu.driving()
-    assert mpu.told()[0] in ("gyro: its data do not change", "gyro: has no data")
-    mpu.run(capture, 0.3)
-    assert len(mpu.told()) == 2
-    mpu.mpu.frozen = False
-    mpu.run(capture, RECOVERY_S)
-    mpu.recovers(capture)
+    capture = one.armed()
+    one.mpu.frozen = True
+    one.run(capture, 0.030 - 2 * PERIOD_US * 1e-6)
+    assert one.driving()
+    one.run(capture, 5 * PERIOD_US * 1e-6)
+    assert not one.driving()
+    assert one.told()[0] in ("gyro: its data do not change", "gyro: has no data")
+    one.run(capture, 0.3)
+    assert len(one.told()) == 2
+    one.mpu.frozen = False
+    one.run(capture, RECOVERY_S)
+    one.recovers(capture)
 
 
 @pytest.mark.slow
@@ -222,11 +231,11 @@ def test_the_accelerations_of_one_chip_hang_alone(mpu: Six) -> None:
 
 
 @pytest.mark.slow
-def test_one_chip_that_lost_its_settings_gets_them_again(mpu: Six) -> None:
+def test_one_chip_that_lost_its_settings_gets_them_again(one: Six) -> None:
     """A dip of the supply: it is asleep, its data stand still."""
-    capture = mpu.armed()
-    mpu.mpu.brown_out()
-    mpu.run(capture, 0.1)
-    assert not mpu.driving()
-    mpu.recovers(capture)
-    assert mpu.mpu.registers[0x1B] == mpu.mpu.registers[0x1C] == 0x18
+    capture = one.armed()
+    one.mpu.brown_out()
+    one.run(capture, 0.1)
+    assert not one.driving()
+    one.recovers(capture)
+    assert one.mpu.registers[0x1B] == one.mpu.registers[0x1C] == 0x18

@@ -88,17 +88,25 @@ def test_the_shipped_parameters_are_set_when_that_is_wanted_and_remembered(board
     assert (change.did, change.tuning) == ("tuning balancer tuned", "tuned")
 
 
-@pytest.mark.parametrize(("sensors", "accel_bus"), [("mpu6050", 2), ("adxl345_itg3205", 0)])
+@pytest.mark.parametrize(
+    ("sensors", "tuning", "accel_bus"),
+    [
+        ("mpu6050", "mpu6050", 2),
+        ("adxl345_itg3205", "adxl345_itg3205", 0),
+        ("icm20602", "mpu6050", 3),
+        ("mpu9250", "mpu6050", 4),
+    ],
+)
 def test_the_sensors_that_are_wired_choose_the_tuning(
-    board: UartBoard, tmp_path: Path, sensors: str, accel_bus: int
+    board: UartBoard, tmp_path: Path, sensors: str, tuning: str, accel_bus: int
 ) -> None:
     arguments = argparse.Namespace(system="attitude", image=None, seed=1)
     asked = Answers(answers(tmp_path, tuning=True, sensors=sensors))
     opened, _ = setup.open_board("serial:memory", arguments, asked)
     table = by_name(parameter_table.read_table(opened.session))
-    assert (table["accel_bus"], table["gyro.gain"]) == (accel_bus, {2: 45467, 0: 51872}[accel_bus])
-    assert parameter_history.read(opened.session.require_match().unique_id)[-1].tuning == sensors
-    with pytest.raises(UsageError, match=r"sensors = 'gy85' is none of adxl345_itg3205, mpu6050"):
+    assert (table["accel_bus"], table["gyro.gain"]) == (accel_bus, 51872 if accel_bus == 0 else 45467)
+    assert parameter_history.read(opened.session.require_match().unique_id)[-1].tuning == tuning
+    with pytest.raises(UsageError, match=r"sensors = 'gy85' is none of adxl345_itg3205, mpu6050, icm20602, mpu9250"):
         setup.open_board("serial:memory", arguments, Answers(answers(tmp_path, tuning=True, sensors="gy85")))
 
 

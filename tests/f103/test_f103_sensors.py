@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from plumb.f103.attached.mpu6050 import Mpu6050
+from plumb.f103.attached.invensense import Invensense
 from support.f103_program import NewBoard
 
 I2C, SPI = 1, 2
@@ -219,9 +219,9 @@ def test_a_power_cut_takes_the_settings_of_the_chips(master: Master) -> None:
 
 
 @pytest.fixture
-def both(master: Master) -> Mpu6050:
+def both(master: Master) -> Invensense:
     """An MPU-6050 in the place of the gyro, awake."""
-    chip = Mpu6050(master.machine, lambda _t: master.felt_dps, lambda _t: master.felt_g)
+    chip = Invensense(master.machine, lambda _t: master.felt_dps, lambda _t: master.felt_g)
     master.machine.i2c_bus.slaves[:] = [chip]
     assert master.read(GYRO, 0x6B) == b"\x40", "asleep after power-up"
     master.write(GYRO, 0x6B, 0x01)
@@ -238,7 +238,7 @@ def burst(master: Master) -> list[int]:
     [(0x00, 131.0, 16384), (0x08, 65.5, 8192), (0x10, 32.8, 4096), (0x18, 16.4, 2048)],
 )
 def test_one_chip_with_both_sensors_counts_as_its_ranges_say(
-    master: Master, both: Mpu6050, setting: int, per_dps: float, per_g: float
+    master: Master, both: Invensense, setting: int, per_dps: float, per_g: float
 ) -> None:
     master.felt_dps = (10.0, -20.0, 100.0)
     for register in (0x1B, 0x1C):
@@ -253,7 +253,7 @@ def test_one_chip_with_both_sensors_counts_as_its_ranges_say(
     assert burst(master) == [32767, -32768, 0, 0, 32767, -32768, 0]
 
 
-def test_one_chip_samples_by_its_divider_and_says_when_data_are_new(master: Master, both: Mpu6050) -> None:
+def test_one_chip_samples_by_its_divider_and_says_when_data_are_new(master: Master, both: Invensense) -> None:
     master.write(GYRO, 0x1A, 0x02)
     taken: list[float] = []
     both.source = lambda t_s: taken.append(t_s) or (0.0, 0.0, 0.0)  # type: ignore[func-returns-value]

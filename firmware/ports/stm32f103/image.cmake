@@ -33,10 +33,10 @@ add_custom_target(build_id BYPRODUCTS ${BUILD_ID}
 
 file(GLOB PORT_SOURCES CONFIGURE_DEPENDS firmware/ports/stm32f103/*.c)
 set(LINKER_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/ports/stm32f103/stm32f103.ld)
-add_executable(firmware firmware/app/loop.c ${PORT_SOURCES})
+add_executable(firmware firmware/app/loop.c ${PORT_SOURCES} ${GENERATED_INCLUDE}/generated/chips.c)
 add_dependencies(firmware build_id)
 set_target_properties(firmware PROPERTIES SUFFIX .elf LINK_DEPENDS ${LINKER_SCRIPT})
-target_include_directories(firmware PRIVATE ${CMAKE_BINARY_DIR}/generated)
+target_include_directories(firmware PRIVATE ${CMAKE_BINARY_DIR}/generated firmware/ports/stm32f103)
 target_compile_options(firmware PRIVATE -Os -fno-data-sections ${AS_ONE_PROGRAM})
 # A loop that copies must not become a call of memcpy where memcpy is written.
 set_source_files_properties(firmware/ports/stm32f103/memory.c PROPERTIES COMPILE_OPTIONS "-O2;-fno-tree-loop-distribute-patterns;${ALONE}")

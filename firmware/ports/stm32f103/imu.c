@@ -21,8 +21,6 @@
 #define ACCESS_MS 2U   /* reading 14 bytes takes 0.4 ms at 400 kHz */
 #define RETRY_MS  20U  /* from the loss of an accelerometer to the next set-up */
 #define AWAIT_MS  200U /* for the first sample: the accelerometer's slowest rate is 6.25 Hz */
-#define SPI_READ  0x80U
-#define SPI_MANY  0x40U
 
 /* One setting is read again behind a sample. Four of each of two chips take 160 ms with periods of 20 ms. A
  * sample and a setting take 0.6 ms. */
@@ -39,8 +37,9 @@ typedef struct {
     uint8_t awaited_ms; /* how long CHIP_AWAIT has waited */
 } sensor_t;
 
-static const chip_t *const two_chips[SENSORS] = {&itg3205, &adxl345};
 static board_sensors_t use;
+static const chip_t *chips[SENSORS]; /* the same one twice where it has both sensors */
+static uint32_t wired_to_spi;        /* bit 0 is the gyro */
 static volatile phase_t phase;
 static sensor_t sensors[SENSORS];
 static uint32_t active;                  /* sensor whose access is under way */
@@ -55,16 +54,12 @@ static bool gave_six_axes;               /* since imu_use() */
 static uint32_t unjudged;                /* sensors whose last counts are not judged yet, bit 0 is the gyro */
 
 static bool on_spi(uint32_t sensor) {
-    return sensor == ACCEL && use.accel_bus == BOARD_ACCEL_SPI;
+    return (wired_to_spi >> sensor & 1U) != 0U;
 }
 
 /* Sensors with a chip of their own: one chip with both is treated as the gyro. */
 static uint32_t chip_count(void) {
-    return use.accel_bus == BOARD_ACCEL_IN_GYRO ? 1U : SENSORS;
-}
-
-static const chip_t *chip_of(uint32_t sensor) {
-    return chip_count() == 1U ? &mpu6050 : two_chips[sensor];
+    return chips[GYRO] == chips[ACCEL] ? 1U : SENSORS;
 }
 
 /* Both sensors are set up. */
@@ -77,10 +72,10 @@ static void transfer(uint8_t reg, uint32_t to_read) {
     asked = to_read;
     age_ms = 0U;
     if (on_spi(active)) {
-        bytes[0] = (uint8_t)(reg | (to_read > 0U ? SPI_READ : 0U) | (to_read > 1U ? SPI_MANY : 0U));
+        bytes[0] = (uint8_t)(reg | (to_read > 0U ? chips[active]->spi_read : 0U));
         spi_exchange(bytes, to_read > 0U ? 1U + to_read : 2U);
     } else {
-        i2c_access(chip_of(active)->address, reg, &bytes[1], to_read);
+        i2c_access(chips[active]->address, reg, &bytes[1], to_read);
     }
 }
 
@@ -91,7 +86,7 @@ static uint8_t value_of(const chip_step_t *step) {
 }
 
 static void access(void) {
-    const chip_t *const chip = chip_of(active);
+    const chip_t *const chip = chips[active];
     const chip_step_t *const step = &chip->steps[sensors[active].step];
     if (phase == SAMPLE) {
         transfer(chip->data, chip->data_bytes);
@@ -139,7 +134,7 @@ static bool as_wanted(const chip_t *chip, const chip_step_t *step) {
 /* After an access of the set-up: checks it, then starts the next one or loses the sensor. */
 static void next_step(void) {
     sensor_t *const s = &sensors[active];
-    const chip_t *const chip = chip_of(active);
+    const chip_t *const chip = chips[active];
     const chip_step_t *const step = &chip->steps[s->step];
     if (!as_wanted(chip, step)) {
         if (step->action != CHIP_AWAIT) {
@@ -166,17 +161,19 @@ static void next_step(void) {
 
 /* Limits of a sensor that stands still. */
 static const imu_still_t *still_of(uint32_t sensor) {
-    const chip_t *const chip = chip_of(sensor);
+    const chip_t *const chip = chips[sensor];
     const uint32_t option = sensor == ACCEL && chip_count() > 1U ? use.accel_rate : use.gyro_filter;
     const uint32_t at = option - chip->option_first;
-    return &chip->still[sensor][at < chip->still_last ? at : chip->still_last];
+    const uint32_t last = chip->still_last[sensor];
+    return &chip->still[sensor][at < last ? at : last];
 }
 
 static void store_sample(void) {
     const bool both = chip_count() == 1U;
-    imu_counts_take(active, chip_of(active), &bytes[1U + (both ? mpu6050.gyro_at : 0U)]);
+    const chip_t *const chip = chips[active];
+    imu_counts_take(active, chip, &bytes[1U + chip->at[active]]);
     if (both) {
-        imu_counts_take(ACCEL, &mpu6050, &bytes[1]);
+        imu_counts_take(ACCEL, chip, &bytes[1U + chip->at[ACCEL]]);
     }
     unjudged |= both ? 1U << GYRO | 1U << ACCEL : 1U << active;
 }
@@ -216,7 +213,7 @@ static void check_in_turn(void) {
     checked_us = 0U;
     checked = checked == GYRO && chip_count() > 1U && sensors[ACCEL].up ? ACCEL : GYRO;
     active = checked;
-    const chip_t *const chip = chip_of(active);
+    const chip_t *const chip = chips[active];
     uint8_t *const step = &sensors[active].step;
     do {
         *step = (uint8_t)(*step + 2U < chip->step_count ? *step + 1U : 1U);
@@ -227,7 +224,7 @@ static void check_in_turn(void) {
 
 /* After a setting was read again: three readings in a row that are wrong mean that it is lost. */
 static void end_check(void) {
-    const chip_t *const chip = chip_of(active);
+    const chip_t *const chip = chips[active];
     phase = REST;
     if (as_wanted(chip, &chip->steps[sensors[active].step])) {
         tries = 0U;
@@ -363,17 +360,21 @@ void imu_use(const board_sensors_t *wanted) {
     spi_end();
     i2c_abort();
     use = *wanted;
+    const imu_way_t *const way = &imu_ways[wanted->accel_bus];
+    wired_to_spi = way->on_spi;
     const bool used = wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES ||
                       (USED_WHEELS && wanted->kind == BOARD_SENSORS_RIDE);
     for (uint32_t i = 0U; i < SENSORS; i++) {
+        chips[i] = &imu_chips[way->chip[i]];
         sensors[i] = (sensor_t){.cause = used ? BOARD_SENSOR_STARTING : BOARD_SENSOR_GOOD};
     }
     imu_counts_clear();
     unjudged = 0U;
     tries = 0U;
     gave_six_axes = false;
+    spi_divide(way->spi_divider);
     if (used) {
-        phase = RECOVER;
+        phase = on_spi(GYRO) ? REST : RECOVER;
     }
 }
 

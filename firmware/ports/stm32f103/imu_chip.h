@@ -1,4 +1,4 @@
-/* How a chip with gyro or accelerometer is described: adxl345.c, itg3205.c, mpu6050.c. */
+/* How a chip with gyro or accelerometer is described: the generated chips.c, from host/plumb/spec/chips. */
 #ifndef PLUMB_STM32F103_IMU_CHIP_H
 #define PLUMB_STM32F103_IMU_CHIP_H
 
@@ -36,25 +36,35 @@ typedef struct {
     uint16_t axis;
 } imu_still_t;
 
+/* A chip. By sensor: the limits of its counts, by its option from option_first on, the last one for all
+ * above, and the place of its counts x, y, z in a sample, 16 bits each. */
 typedef struct {
     const chip_step_t *steps;
-    const imu_still_t
-        *still[SENSORS];       /* by the sensor's option, from option_first on; the last one for all above */
+    const imu_still_t *still[SENSORS];
     const uint8_t *identities; /* of a chip that has several */
     uint8_t identity_count;
-    uint8_t option_first;
-    uint8_t still_last; /* index */
     uint8_t step_count;
+    uint8_t still_last[SENSORS]; /* index */
+    uint8_t at[SENSORS];
+    uint8_t option_first;
     uint8_t address;    /* on I2C */
-    uint8_t data;       /* first register of a sample: x, y, z, 16 bits each */
-    uint8_t data_bytes; /* of a sample: 6, or of a chip with both sensors IMU_DATA_MAX */
-    uint8_t gyro_at;    /* of a chip with both sensors: place of the rates, behind the accelerations */
-    int16_t rail;       /* a count of at least this size is at the rail */
+    uint8_t data;       /* first register of a sample */
+    uint8_t data_bytes; /* of a sample, at most IMU_DATA_MAX */
+    uint8_t spi_read;   /* bits of the command that reads registers on SPI */
     bool low_byte_first;
+    int16_t rail; /* a count of at least this size is at the rail */
 } chip_t;
+
+/* How gyro and accelerometer are wired. One chip with both sensors is treated as the gyro. */
+typedef struct {
+    uint8_t chip[SENSORS]; /* in imu_chips */
+    uint8_t on_spi;        /* bit 0 is the gyro */
+    uint8_t spi_divider;   /* of SPI1_CR1: PCLK2 / 2^(1 + this) */
+} imu_way_t;
 
 #define IMU_DATA_MAX 14U
 
-extern const chip_t adxl345, itg3205, mpu6050;
+extern const chip_t imu_chips[];
+extern const imu_way_t imu_ways[]; /* by the parameter accel_bus */
 
 #endif

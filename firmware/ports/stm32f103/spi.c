@@ -12,9 +12,11 @@ void spi_init(void) {
     DMA1_CPAR3 = (uint32_t)(uintptr_t)&SPI1_DR;
     nvic_enable(IRQ_DMA1_Channel2);
     SPI1_CR2 = SPI1_CR2_RXDMAEN | SPI1_CR2_TXDMAEN;
-    /* APB2 / 16 is 4.5 MHz: the accelerometer takes 5. */
+}
+
+void spi_divide(uint32_t divider) {
     SPI1_CR1 = SPI1_CR1_SSM | SPI1_CR1_SSI | SPI1_CR1_MSTR | SPI1_CR1_CPOL | SPI1_CR1_CPHA |
-               SPI1_CR1_BR_DIV16 | SPI1_CR1_SPE;
+               divider << SPI1_CR1_BR_SHIFT | SPI1_CR1_SPE;
 }
 
 void spi_exchange(uint8_t *bytes, uint32_t count) {

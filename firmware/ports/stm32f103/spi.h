@@ -6,6 +6,9 @@
 
 void spi_init(void);
 
+/* Set the clock to PCLK2 / 2^(1 + divider), 0 to 7, while nothing is exchanged; before the first exchange. */
+void spi_divide(uint32_t divider);
+
 /* Start to exchange bytes in place; the end raises the interrupt of DMA1 channel 2. */
 void spi_exchange(uint8_t *bytes, uint32_t count);
 

@@ -439,7 +439,7 @@
 #define SPI1_CR1_CPHA     (1U << 0)
 #define SPI1_CR1_CPOL     (1U << 1)
 #define SPI1_CR1_MSTR     (1U << 2)
-#define SPI1_CR1_BR_DIV16 (3U << 3)
+#define SPI1_CR1_BR_SHIFT 3U
 #define SPI1_CR1_SPE      (1U << 6)
 #define SPI1_CR1_SSI      (1U << 8)
 #define SPI1_CR1_SSM      (1U << 9)

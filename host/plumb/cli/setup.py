@@ -20,7 +20,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -170,32 +170,35 @@ def open_board(
         default = present if present in able else able[0]
         name = arguments.system or asked.choose("system", "   which system?", able, default)
         if asked.agree("tuning", f"   set the shipped parameters of {name}?", name != present):
-            set_tuning(opened.session, name, sensors_of(name, asked))
+            set_tuning(opened.session, name, *sensors_of(name, asked))
     except BaseException:
         opened.close()
         raise
     return opened, None
 
 
-def sensors_of(name: str, asked: Questions) -> str:
-    """The tuning for the board's own sensors; of several sets the one that is wired."""
+def sensors_of(name: str, asked: Questions) -> tuple[str, Mapping[str, int]]:
+    """The tuning for the board's own sensors, of several sets the one that is wired; and what else it is told of
+    them."""
     from plumb import systems
     from plumb.systems.contracts import PINS, SensorSets
 
     parts = systems.load(name, PINS)
     if not isinstance(parts, SensorSets):
-        return parts.TUNING
-    return asked.choose("sensors", "   which sensors are wired?", parts.SENSOR_SETS, parts.TUNING)
+        return parts.TUNING, {}
+    sets = (*parts.SENSOR_SETS, *parts.SENSORS_ALIKE)
+    chosen = asked.choose("sensors", "   which sensors are wired?", sets, parts.TUNING)
+    return parts.SENSORS_ALIKE.get(chosen, (chosen, {}))
 
 
-def set_tuning(session: Session, name: str, tuning: str) -> None:
-    """As `plumb params tuning NAME TUNING`."""
+def set_tuning(session: Session, name: str, tuning: str, told: Mapping[str, int]) -> None:
+    """As `plumb params tuning NAME TUNING`, with the parameters `told`."""
     from plumb.api.parameters import Parameters
     from plumb.systems import shipped_tunings
 
     params = Parameters(session)
     before = params.words
-    after = {**before, **shipped_tunings.words_of(name, tuning)}
+    after = {**before, **shipped_tunings.words_of(name, tuning), **told}
     params.write_words(after, before)
     params.kept.add(f"tuning {name} {tuning}", before, after, tuning)
 

@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 
 from plumb.errors import UsageError
+from plumb.spec import imu_chips
 from plumb.spec.base_units import BASE_UNITS, unknown_part
 from plumb.spec.system import (
     CHECKED_CHANNELS,
@@ -311,6 +312,8 @@ def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTa
         raise UsageError(f"in_all is true or false, not {system.in_all!r:.40}")
     if system.flash_kib is not None and system.flash_kib not in range(1, FLASH_KIB_MOST + 1):
         raise UsageError(f"flash_kib is a whole number of 1 to {FLASH_KIB_MOST}, not {system.flash_kib!r:.40}")
+    if system.accel_bus_max is not None and system.accel_bus_max not in range(len(imu_chips.ways())):
+        raise UsageError(f"accel_bus_max is a way that sensors are wired, not {system.accel_bus_max!r:.40}")
     if system.optimise not in ("speed", "size"):
         raise UsageError(f"optimise is speed or size, not {system.optimise}")
     if len(system.channels) > COUNTS_MAX:

@@ -211,6 +211,7 @@ def _system(folder: Path, table: TomlTable, above: tuple[str, ...]) -> System:
         images=tuple(table.get("images", ())),
         in_all=table.get("in_all", True),
         flash_kib=table.get("flash_kib"),
+        accel_bus_max=table.get("accel_bus_max"),
         step_commands=step_commands,
         command_source=table.get("command_source", "link"),
         learned=Learned(**table["learned"]) if "learned" in table else None,

@@ -8,11 +8,11 @@ systems: a new system has an image of its own and is in `all` without an edit of
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from plumb.errors import UsageError
-from plumb.spec import declarations
+from plumb.spec import declarations, imu_chips
 from plumb.spec.declaration_checks import UNLISTED_IMAGES
 from plumb.spec.system import System, group_of
 
@@ -27,13 +27,15 @@ image with every system."""
 class Image:
     """One flash image. name: "" for systems that no named image holds alone. systems: in the order of their numbers.
 
-    flash_bytes, ram_bytes: the most that it may take; RAM with the reserved stack.
+    flash_bytes, ram_bytes: the most that it may take; RAM with the reserved stack. ways: how many ways of wiring the
+    sensors it knows, the first of `imu_chips.ways()`.
     """
 
     name: str
     systems: tuple[str, ...]
     flash_bytes: int
     ram_bytes: int
+    ways: int = field(default_factory=lambda: len(imu_chips.ways()))
 
 
 def images() -> dict[str, Image]:
@@ -52,7 +54,8 @@ def images() -> dict[str, Image]:
 def _alone(system: System) -> Image:
     flash_bytes, ram_bytes = declarations.image_limits()[ALONE_ON_OTHERS if system.stands_on else ALONE]
     own = flash_bytes if system.flash_kib is None else 1024 * system.flash_kib
-    return Image(system.name, (system.name,), own, ram_bytes)
+    ways = len(imu_chips.ways()) if system.accel_bus_max is None else system.accel_bus_max + 1
+    return Image(system.name, (system.name,), own, ram_bytes, ways)
 
 
 def beside_all() -> dict[str, Image]:

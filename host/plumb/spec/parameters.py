@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from plumb.errors import UsageError
-from plumb.spec import declarations
+from plumb.spec import declarations, imu_chips
 from plumb.spec.speed_controllers import GAP_HALFUS, foreign_parameter
 from plumb.spec.system import System, TomlTable, group_of
 
@@ -87,6 +87,9 @@ def _system_row() -> Parameter:
 def _row(given: TomlTable) -> Parameter:
     """A declared row. The text of a calibration row also names the channels that it calibrates, for each system."""
     row = Parameter(**{**given, **{key: tuple(given.get(key, ())) for key in ("was", "weakens", "armed")}})
+    if row.name == "accel_bus":
+        ways = imu_chips.ways()
+        return replace(row, max=len(ways) - 1, doc=f"{row.doc}: {imu_chips.ways_text()}")
     calibrated = {
         name: ", ".join(channel.name for channel in system.channels if channel.calibration == row.group)
         for name, system in declarations.systems().items()

@@ -228,7 +228,8 @@ class System:
     default_for: parts (`replay`, `demo`) for which this system is the default of the command.
     images: sets of flash images that hold the system, besides its own and `all` (images.toml); in_all: False for one
     that `all` leaves out, because a C8 has no room for it. flash_kib: the most that its own image may take, None: the
-    limit of images.toml.
+    limit of images.toml. accel_bus_max: the greatest value of that parameter in its own image, which has no room for
+    the sensors beyond it (`imu_chips`); None: all.
     """
 
     name: str
@@ -258,6 +259,7 @@ class System:
     images: tuple[str, ...]
     in_all: bool = True
     flash_kib: int | None = None
+    accel_bus_max: int | None = None
     step_commands: tuple[Command, ...] = ()
     command_source: str = "link"
     learned: Learned | None = None

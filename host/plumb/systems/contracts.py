@@ -142,6 +142,10 @@ class SensorSets(Protocol):
     def SENSOR_SETS(self) -> tuple[str, ...]:
         """A scenario of each set, the default one first."""
 
+    @property
+    def SENSORS_ALIKE(self) -> Mapping[str, tuple[str, Mapping[str, int]]]:
+        """Further sets that the tuning of one of these fits: that tuning, and what the board has to be told."""
+
 
 @runtime_checkable
 class CommandedPins(Protocol):

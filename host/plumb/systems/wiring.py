@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from plumb.spec import imu_chips
 from plumb.spec.system_parts import Part
 
 ANALOG, INPUT, OUTPUT, DRAIN = "analog", "input", "output", "open drain"
@@ -110,6 +111,18 @@ MPU6050_NOTES = (
     "Set that one chip is both sensors: plumb params set accel_bus=2 --save.",
     "A GY-521 has 4.7 kΩ of its own on SCL and SDA. XDA, XCL and INT stay open.",
 )
+
+
+def on_spi(way: imu_chips.Wired) -> tuple[Device, tuple[str, ...]]:
+    """A chip with both sensors on SPI, as its declaration says; and the notes."""
+    roles = {"PA6": INPUT}
+    wires = tuple(Wire(label, pin, roles.get(pin, OUTPUT)) for label, pin in way.gyro.module)
+    told = f"The board has to be told which sensors it has: plumb params set accel_bus={way.number} --save."
+    return Device(way.gyro.title, (*wires, Wire("VDD, VDDIO, GND", "3V3 GND")), 8), (told,)
+
+
+CHIPS_ON_SPI = tuple(way for way in imu_chips.ways() if way.gyro is way.accel and way.bus == "SPI")
+"""Chips with both sensors that are wired to SPI."""
 PULL_DOWN = "10 kΩ to GND"
 """At an input of a driver: during a reset nothing else keeps it low."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from plumb.f103.attached.chip import Chip, Source
+from plumb.f103.attached.chip import Source, SpiChip
 from plumb.f103.core.bus import SimulationError
 
 if TYPE_CHECKING:
@@ -21,18 +21,15 @@ MEASURE, DATA_READY, FULL_RES, THREE_WIRES = 0x08, 0x80, 0x08, 0x40
 READ_ONLY = (0x00, 0x2B, 0x30, *range(0x32, 0x38), 0x39)
 COUNTS_PER_G = 256
 FASTEST_HZ = 3200.0
-READ, MANY = 0x80, 0x40
-"""Bits of the command byte on SPI."""
 
 
-class Adxl345(Chip):
+class Adxl345(SpiChip):
     NAME, SIZE, DATA = "adxl345", 0x3A, DATAX0
-    SPI_MHZ = 5.0
+    SPI_MHZ, SPI_MANY = 5.0, 0x40
     POWER_ON: ClassVar[dict[int, int]] = {BW_RATE: 0x0A, INT_SOURCE: 0x02}
 
     def __init__(self, machine: Machine, source: Source, address: int = ADDRESS) -> None:
         super().__init__(machine, source, address, IDENTITY)
-        self._command: int | None = None
 
     def period_s(self) -> float:
         if not self.registers[POWER_CTL] & MEASURE:
@@ -65,27 +62,3 @@ class Adxl345(Chip):
     def noticed(self, register: int) -> None:
         if self.DATA <= register < self.DATA + 6:
             self.registers[INT_SOURCE] &= ~DATA_READY
-
-    # On SPI: a low select line switches the chip from I2C to SPI.
-
-    def select(self) -> None:
-        self._command = None
-
-    def exchange(self, byte: int, _now: int) -> int:
-        if self._command is None:
-            self._command, self._pointer = byte, byte & 0x3F
-            return 0xFF
-        if not self.answers:
-            return 0xFF
-        at = self._pointer
-        answer = 0xFF
-        if self._command & READ:
-            answer = self._read()
-        else:
-            self._write(byte)
-        if not self._command & MANY:
-            self._pointer = at
-        return answer
-
-    def deselect(self) -> None:
-        self._command = None

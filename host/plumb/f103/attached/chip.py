@@ -143,3 +143,36 @@ class Chip(ABC):
 
     def end(self) -> None:  # noqa: B027  a chip that keeps nothing has nothing to do
         """End of an access: only the register pointer stays."""
+
+
+class SpiChip(Chip):
+    """A sensor chip that is also on SPI: a low select line switches it from I2C to SPI."""
+
+    READ: ClassVar[int] = 0x80
+    """Bit of the command byte."""
+    SPI_MHZ: float
+    SPI_MANY: ClassVar[int] = 0
+    """Bit of the command byte without which an access stays at its register; 0: every access moves on."""
+    _command: int | None = None
+
+    def select(self) -> None:
+        self._command = None
+
+    def exchange(self, byte: int, _now: int) -> int:
+        if self._command is None:
+            self._command, self._pointer = byte, byte & ~(self.READ | self.SPI_MANY) & 0xFF
+            return 0xFF
+        if not self.answers:
+            return 0xFF
+        at = self._pointer
+        answer = 0xFF
+        if self._command & self.READ:
+            answer = self._read()
+        else:
+            self._write(byte)
+        if self.SPI_MANY and not self._command & self.SPI_MANY:
+            self._pointer = at
+        return answer
+
+    def deselect(self) -> None:
+        self._command = None

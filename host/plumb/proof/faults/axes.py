@@ -9,13 +9,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
-from plumb.f103.attached import adxl345, itg3205, mpu6050
-from plumb.f103.attached.mpu6050 import Mpu6050
+from plumb.f103.attached import adxl345, invensense, itg3205
+from plumb.f103.attached.invensense import Invensense
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.flights import BY_STEP, CHIPS, NO_SAMPLES
 from plumb.proof.faults.scene import ESTIMATE, RECEIVER, Scene
 from plumb.proof.faults.sensors import ACCEL_BACK, DISARMED_BY_DOUBT, DISARMED_BY_FAULT, GYRO_BACK, chip, digital
 from plumb.proof.faults.sensors import CHIPS as CHIPS_ALONE
+from plumb.spec import imu_chips
 
 GYRO, ACCEL = "gyro", "accel"
 FAR = 1e4
@@ -29,7 +30,11 @@ FLICKERS_S = (0.1, 0.2)
 """From one visit at the rail to the next, by variant; each is in one reading of the board or in two."""
 SILENT_S = 0.045
 RANGES = {
-    Mpu6050.NAME: {GYRO: mpu6050.GYRO_CONFIG, ACCEL: mpu6050.ACCEL_CONFIG},
+    **{
+        chip.name: {GYRO: invensense.GYRO_CONFIG, ACCEL: invensense.ACCEL_CONFIG}
+        for chip in imu_chips.chips().values()
+        if chip.invensense
+    },
     itg3205.Itg3205.NAME: {GYRO: itg3205.DLPF_FS},
     adxl345.Adxl345.NAME: {ACCEL: adxl345.DATA_FORMAT},
 }
@@ -47,7 +52,7 @@ def lies(which: str, axes: Sequence[int], value: Callable[[float, float], float]
 
     def inject(scene: Scene) -> None:
         chip = getattr(scene.coupling, which)
-        source_name = "forces" if which == ACCEL and isinstance(chip, Mpu6050) else "source"
+        source_name = "forces" if which == ACCEL and isinstance(chip, Invensense) else "source"
         honest = getattr(chip, source_name)
 
         def source(time_s: float) -> tuple[float, float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from plumb.f103.attached.mpu6050 import Mpu6050
+from plumb.f103.attached.invensense import Invensense
 from plumb.link import parameter_table
 from plumb.link.identity import SENSOR_CAUSES
 from plumb.proof.faults.fault import Action, Fault
@@ -96,7 +96,7 @@ def felt(which: str, world: Callable[[tuple[float, float, float]], tuple[float, 
 
     def inject(scene: Scene) -> None:
         target = getattr(scene.coupling, which)
-        measured = "forces" if which == "accel" and isinstance(target, Mpu6050) else "source"
+        measured = "forces" if which == "accel" and isinstance(target, Invensense) else "source"
         level = world(getattr(target, measured)(scene.machine.now_s))
         added = [noise(f"{which} {axis}", sigma) for axis in range(3)]
 

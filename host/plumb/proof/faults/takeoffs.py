@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from plumb.f103.attached.mpu6050 import Mpu6050
+from plumb.f103.attached.invensense import Invensense
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.pilot import PILOT
 from plumb.proof.faults.reports import Told
@@ -41,7 +41,7 @@ AWAY_S = 0.9
 def feels(scene: Scene, rates_dps: Callable[[float], Axes], forces_g: Callable[[float], Axes]) -> None:
     """What the chip measures from now on, by the time since now, with noise."""
     chip, begin_s = getattr(scene.coupling, SENSOR), scene.machine.now_s
-    assert isinstance(chip, Mpu6050)
+    assert isinstance(chip, Invensense)
     added = [noise(f"felt {axis}", 1.0) for axis in range(6)]
 
     def source(value: Callable[[float], Axes], sigma: float, first: int) -> Callable[[float], Axes]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from plumb.f103.attached.adxl345 import Adxl345
+from plumb.f103.attached.invensense import Invensense
 from plumb.f103.attached.itg3205 import Itg3205
-from plumb.f103.attached.mpu6050 import Mpu6050
+from plumb.spec import imu_chips
 from plumb.systems.attitude.scenarios import ONE_CHIP, TWO_CHIPS, Scenario
 from plumb.systems.contracts import Conversion
 
@@ -16,6 +17,11 @@ if TYPE_CHECKING:
 SCENARIO = TWO_CHIPS
 SHOWN, TUNING = SCENARIO, TWO_CHIPS
 SENSOR_SETS = (TWO_CHIPS, ONE_CHIP)
+SENSORS_ALIKE = {
+    way.gyro.name: (ONE_CHIP, {"accel_bus": way.number})
+    for way in imu_chips.ways()
+    if way.gyro is way.accel and way.gyro.scales == imu_chips.chips()[ONE_CHIP].scales and way.gyro.name != ONE_CHIP
+}
 FRAMES = ("RAW_A", "RAW_B", *(f"ATTITUDE_QUATERNION_{axis}" for axis in "WXYZ"))
 
 
@@ -35,8 +41,8 @@ class AttitudeCoupling:
     taken: the gyro samples that the board has read, with the time of reading.
     """
 
-    gyro: Itg3205 | Mpu6050
-    accel: Adxl345 | Mpu6050
+    gyro: Itg3205 | Invensense
+    accel: Adxl345 | Invensense
 
     def __init__(self, machine: Machine, plant: SensedBody) -> None:
         self.machine = machine
@@ -44,7 +50,7 @@ class AttitudeCoupling:
         self.taken: list[Conversion] = []
         self._start: float | None = None
         if plant.scenario.name == ONE_CHIP:
-            self.gyro = self.accel = Mpu6050(machine, self._rate_dps, self._force_g)
+            self.gyro = self.accel = Invensense(machine, self._rate_dps, self._force_g)
             machine.i2c_bus.slaves.append(self.gyro)
         else:
             self.gyro, self.accel = Itg3205(machine, self._rate_dps), Adxl345(machine, self._force_g)

@@ -7,6 +7,7 @@ from plumb.systems.wiring import (
     ADXL345_ON_SPI,
     CAN,
     CAN_POWER,
+    CHIPS_ON_SPI,
     COMMON,
     ITG3205,
     MPU6050,
@@ -15,8 +16,10 @@ from plumb.systems.wiring import (
     STRAP_NOTE,
     TWO_CHIPS,
     Drawing,
+    on_spi,
 )
 
+OWN_IMAGE = "The image `attitude` has no room for it; `all` and `vehicles` have: plumb flash --image all."
 NOTES = (COMMON, *CAN_POWER, STRAP_NOTE, "This system moves nothing.")
 
 DRAWINGS = (
@@ -41,5 +44,16 @@ DRAWINGS = (
         "standard",
         left=(ADAPTER, CAN, MPU6050),
         notes=(*NOTES, *MPU6050_NOTES),
+    ),
+    *(
+        Drawing(
+            f"attitude_{way.gyro.name}",
+            f"attitude: {way.gyro.title} for both sensors, on SPI",
+            "standard",
+            left=(ADAPTER, CAN),
+            right=(on_spi(way)[0],),
+            notes=(*NOTES, *on_spi(way)[1], OWN_IMAGE),
+        )
+        for way in CHIPS_ON_SPI
     ),
 )

@@ -6,6 +6,7 @@ from plumb.systems.wiring import (
     ADAPTER,
     CAN,
     CAN_POWER,
+    CHIPS_ON_SPI,
     COMMON,
     DIVIDER_NOTE,
     INPUT,
@@ -20,6 +21,7 @@ from plumb.systems.wiring import (
     Drawing,
     Wire,
     battery,
+    on_spi,
 )
 
 ROTORS = Device(
@@ -69,5 +71,16 @@ DRAWINGS = (
         left=(ADAPTER, CAN, TWO_CHIPS),
         right=(RECEIVER, ROTORS, BATTERY, SWITCH),
         notes=NOTES,
+    ),
+    *(
+        Drawing(
+            f"quadrotor_{way.gyro.name}",
+            f"quadrotor: {way.gyro.title} on SPI, four speed controllers",
+            "quadrotor",
+            left=(ADAPTER, CAN),
+            right=(RECEIVER, on_spi(way)[0], ROTORS, BATTERY, SWITCH),
+            notes=(*NOTES, *on_spi(way)[1]),
+        )
+        for way in CHIPS_ON_SPI
     ),
 )

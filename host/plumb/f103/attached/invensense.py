@@ -1,26 +1,24 @@
-"""Register model of the MPU-6050, gyro and accelerometer in one chip (InvenSense register map RM-MPU-6000A-00, rev.
-4.2), on I2C; identity= makes it one of the chips that are sold under its name.
+"""Register model of InvenSense's chips with gyro and accelerometer, as host/plumb/spec/chips declares them: MPU-6050
+(register map RM-MPU-6000A-00, rev. 4.2) and what is sold under its name on I2C, its successors on SPI.
 
 Two sources: rates in deg/s, specific forces in g. The chip's low-pass is not modelled: the sources have the noise and
 lag of the filter that is set. A burst is one sample (chapter 4.17): the registers do not change during one access. Not
 modelled: the interrupt pin, FIFO, secondary I2C bus, self-test, cycling, standby of single axes, temperature other than
-36.53 deg C; the accelerometer's own filter register of MPU-6500 and ICM-20689 (0x1D).
+that of 0 counts; the accelerometer's own filter register of MPU-6500 and ICM-20689 (0x1D).
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from plumb.f103.attached.chip import Chip, Source
+from plumb.f103.attached.chip import Source, SpiChip
 from plumb.f103.core.bus import SimulationError
+from plumb.spec import imu_chips
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
-IDENTITIES = {0x68: "MPU-6050", 0x70: "MPU-6500", 0x72: "an MPU-6500 of unknown make", 0x98: "ICM-20689"}
-"""WHO_AM_I of the chips on modules sold as MPU-6050."""
-ADDRESS = 0x68
-SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG = 0x19, 0x1A, 0x1B, 0x1C
+SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2 = 0x19, 0x1A, 0x1B, 0x1C, 0x1D
 INT_ENABLE, INT_STATUS, ACCEL, TEMP, GYRO, PWR_MGMT_1, PWR_MGMT_2, WHO_AM_I = (
     0x38, 0x3A, 0x3B, 0x41, 0x43, 0x6B, 0x6C, 0x75,
 )  # fmt: skip
@@ -28,20 +26,41 @@ DATA_RDY, SLEEP, RESET, WIDE = 0x01, 0x40, 0x80, (0, 7)
 BYTES = 14
 LSB_PER_DPS, LSB_PER_G = (131.0, 65.5, 32.8, 16.4), (16384, 8192, 4096, 2048)
 """For each value of FS_SEL and of AFS_SEL."""
+SELECT_PIN = 4
+"""Pin of port A that selects a chip on SPI."""
 
 
-class Mpu6050(Chip):
-    NAME, SIZE, DATA = "mpu6050", 0x76, ACCEL
-    POWER_ON: ClassVar[dict[int, int]] = {PWR_MGMT_1: SLEEP}
+def identities(name: str) -> dict[int, str]:
+    """WHO_AM_I of the declared chip, and of those on modules that are sold as it."""
+    chip = imu_chips.chips()[name]
+    first = chip.set_up[0]
+    return {value: title for title, value in chip.identities.items()} or {first.value: chip.title}
+
+
+class Invensense(SpiChip):
+    SIZE, DATA = 0x76, ACCEL
+    POWER_ON: ClassVar[dict[int, int]] = {}
 
     def __init__(
-        self, machine: Machine, rates: Source, forces: Source, address: int = ADDRESS, identity: int = 0x68
+        self, machine: Machine, rates: Source, forces: Source, name: str = "mpu6050", identity: int | None = None
     ) -> None:
+        """name: of the declaration."""
+        self.chip = imu_chips.chips()[name]
+        self.NAME = name  # type: ignore[misc]  # one class for every chip of the family
+        own = self.chip.invensense
+        self.POWER_ON = {int(register, 0): value for register, value in own["power_on"].items()}  # type: ignore[misc]
+        self.SPI_MHZ = self.chip.spi_khz / 1000
+        self.spi_alone: tuple[int, int] = tuple(own.get("spi_alone", (0, 0)))
+        self.settings = {SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, INT_ENABLE, PWR_MGMT_1, PWR_MGMT_2}
+        self.settings |= {ACCEL_CONFIG_2} if own.get("accel_filter") else set()
+        self.settings |= {self.spi_alone[0]} if self.spi_alone[1] else set()
         self.forces = forces
         self.force_counts = (0, 0, 0)
         self.forces_frozen = False
         """True: the accelerometer takes no new samples; the gyro does."""
-        super().__init__(machine, rates, address, identity)
+        super().__init__(
+            machine, rates, self.chip.address or 0, next(iter(identities(name))) if identity is None else identity
+        )
 
     def period_s(self) -> float:
         if self.registers[PWR_MGMT_1] & SLEEP:
@@ -57,21 +76,24 @@ class Mpu6050(Chip):
 
     def store(self) -> None:
         self.registers[ACCEL:TEMP] = _bytes(self.force_counts)
-        self.registers[TEMP:GYRO] = bytes(2)  # 0 is 36.53 deg C
+        self.registers[TEMP:GYRO] = bytes(2)
         self.registers[GYRO : GYRO + 6] = _bytes(self.counts)
         self.registers[INT_STATUS] |= DATA_RDY & self.registers[INT_ENABLE]
 
     def written(self, register: int, value: int) -> None:
-        if register not in (SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, INT_ENABLE, PWR_MGMT_1, PWR_MGMT_2):
-            self.machine.warn(f"MPU-6050: register 0x{register:02X} is written, which is read-only or not modelled")
+        if register not in self.settings:
+            self.machine.warn(
+                f"{self.chip.title}: register 0x{register:02X} is written, which is read-only or not modelled"
+            )
             return
         if register == PWR_MGMT_1 and value & RESET:
             self.brown_out()
             return
-        modes = {GYRO_CONFIG: 0xE0, ACCEL_CONFIG: 0xE0, PWR_MGMT_1: 0x20, PWR_MGMT_2: 0xFF, CONFIG: 0x38}
+        modes = {GYRO_CONFIG: 0xE3, ACCEL_CONFIG: 0xE0, PWR_MGMT_1: 0x20, PWR_MGMT_2: 0xFF, CONFIG: 0xB8}
+        modes |= {ACCEL_CONFIG_2: 0xF8, self.spi_alone[0]: ~self.spi_alone[1] & 0xFF}
         if value & modes.get(register, 0):
             raise SimulationError(
-                f"MPU-6050: 0x{value:02X} in register 0x{register:02X} is a mode that is not modelled"
+                f"{self.chip.title}: 0x{value:02X} in register 0x{register:02X} is a mode that is not modelled"
             )
         self.registers[register] = value
         if register in (SMPLRT_DIV, CONFIG, PWR_MGMT_1):
@@ -93,6 +115,16 @@ class Mpu6050(Chip):
         value = self.identity if register == WHO_AM_I else self.registers[register]
         self.noticed(register)
         return value
+
+
+def fit(machine: Machine, name: str, rates: Source, forces: Source) -> Invensense:
+    """A chip on the pins of its bus, as its declaration says."""
+    chip = Invensense(machine, rates, forces, name)
+    if imu_chips.one_chip(name).bus == "SPI":
+        machine.spi1.devices[SELECT_PIN] = chip
+    else:
+        machine.i2c_bus.slaves.append(chip)
+    return chip
 
 
 def _counts(felt: tuple[float, float, float], per_unit: float) -> tuple[int, int, int]:
