@@ -27,6 +27,7 @@ from plumb.physics.battery import BATTERY_PIN, Battery
 from plumb.spec import crsf
 from plumb.spec.parameter_file import by_name
 from plumb.systems import load
+from plumb.systems.fitted_chips import part_of
 from support.noise import with_noise
 
 IMAGE = Path(__file__).parents[2] / "build/images/quadrotor/firmware.elf"
@@ -56,7 +57,9 @@ class Flown:
             return self._noisy((0.0, 0.0, 1.0), 0.004)
 
         def couple(machine: Machine) -> None:
-            self.sensor = Itg3205(machine, rates) if two_chips else Invensense(machine, rates, forces)
+            self.sensor = (
+                Itg3205(machine, rates) if two_chips else Invensense(machine, rates, forces, part_of("mpu6050"))
+            )
             machine.i2c_bus.slaves.append(self.sensor)
             if two_chips:
                 self.accel = Adxl345(machine, forces)

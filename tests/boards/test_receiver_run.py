@@ -92,8 +92,8 @@ def native() -> Flight:
 def virtual() -> Flight:
     pytest.importorskip("unicorn")
     from plumb.boards.virtual_machine import open_machine
-    from plumb.f103.attached.invensense import Invensense
     from plumb.f103.machine import Machine
+    from plumb.systems.fitted_chips import fit
 
     def rates(time_s: float) -> tuple[float, float, float]:
         """With noise: data that stand still are those of a stuck sensor."""
@@ -105,7 +105,7 @@ def virtual() -> Flight:
         return x, y, z
 
     def couple(machine: Machine) -> None:
-        machine.i2c_bus.slaves.append(Invensense(machine, rates, forces))
+        fit(machine, "mpu6050", rates, forces)
 
     machine = open_machine(IMAGE, strap="quadrotor", couple=couple)
     return Flight(Session.open(machine.uart), machine.usart3.receive, machine)

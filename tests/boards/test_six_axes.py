@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb.errors import LinkError
-from plumb.f103.attached import invensense
 from plumb.f103.attached.adxl345 import Adxl345
 from plumb.f103.attached.invensense import Invensense
 from plumb.f103.attached.itg3205 import Itg3205
+from plumb.systems import fitted_chips
 from support.sensor_bench import DIGITAL, PERIOD_US, RECOVERY_S, SENSOR, STEPS_MISSED
 from support.six_axes import IN_GYRO, ON_I2C, ON_SPI, ONE_CHIP, ONE_CHIP_NAMES, Six, made, six
 
@@ -99,7 +99,7 @@ def test_a_sample_of_one_chip_is_complete_half_a_millisecond_after_its_tick(mpu:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("identity", invensense.identities("mpu6050"), ids=hex)
+@pytest.mark.parametrize("identity", fitted_chips.identities("mpu6050"), ids=hex)
 def test_chips_that_are_sold_as_mpu6050_are_taken(mpu: Six, identity: int) -> None:
     mpu.mpu.identity = identity
     capture = mpu.begin(gyro_filter=1)  # other settings: it is started anew

@@ -3,8 +3,8 @@
 A stuck chip gives the same three counts again and again; so does noise, now and then. The least noise at rest is that
 of the data sheets as the project uses it: ADXL345 0.75 counts rms on x and y and 1.1 on z at 100 samples/s, ITG-3205
 0.38 deg/s rms behind 98 Hz, MPU-6050 0.05 deg/s rms behind 98 Hz and 400 ug/sqrt(Hz), ICM-20602 4 mdeg/s/sqrt(Hz) and
-100 ug/sqrt(Hz), MPU-9250 0.1 deg/s rms behind 92 Hz and 300 ug/sqrt(Hz). Slower rates and narrower filters have less: by
-the square root of the bandwidth.
+100 ug/sqrt(Hz), MPU-9250 0.1 deg/s rms behind 92 Hz and 300 ug/sqrt(Hz). Slower rates and narrower filters have less:
+by the square root of the bandwidth.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from itertools import pairwise
 import pytest
 
 from plumb.f103.attached.invensense import Invensense
+from plumb.systems.fitted_chips import part_of
 from support.f103_program import NewBoard
 
 I2C, SPI = 1, 2
@@ -221,7 +222,7 @@ def test_a_power_cut_takes_the_settings_of_the_chips(master: Master) -> None:
 @pytest.fixture
 def both(master: Master) -> Invensense:
     """An MPU-6050 in the place of the gyro, awake."""
-    chip = Invensense(master.machine, lambda _t: master.felt_dps, lambda _t: master.felt_g)
+    chip = Invensense(master.machine, lambda _t: master.felt_dps, lambda _t: master.felt_g, part_of("mpu6050"))
     master.machine.i2c_bus.slaves[:] = [chip]
     assert master.read(GYRO, 0x6B) == b"\x40", "asleep after power-up"
     master.write(GYRO, 0x6B, 0x01)

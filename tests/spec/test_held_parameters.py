@@ -10,6 +10,7 @@ import random
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,7 @@ class Tables:
             getattr(self.c, name).restype = ctypes.c_bool
         self.c.store_load.restype = Report
         groups = images.held_groups(image.systems)
+        self.ways = image.ways
         self.held = [i for i, row in enumerate(ROWS) if not row.group or row.group in groups]
         self.flash = (ctypes.c_uint8 * (2 * 2 * 1024)).in_dll(self.c, "flash")
 
@@ -120,8 +122,11 @@ def test_a_held_word_is_as_in_an_image_of_all(alone: Tables, whole: Tables) -> N
     mine, every, chance = alone.default(), whole.default(), random.Random(5)
     whole.set(every, 0, alone.words(mine)[0])
     for index in alone.held[1:]:
-        row = ROWS[index]
-        for value in (row.min, row.max, row.min - 1, row.max + 1, chance.randint(-(1 << 31), (1 << 32) - 1)):
+        row, above = ROWS[index], ROWS[index].max + 1
+        if row.name == "accel_bus" and alone.ways < whole.ways:
+            assert not alone.takes(index, alone.ways) and whole.takes(index, alone.ways)
+            row = replace(row, max=alone.ways - 1)
+        for value in (row.min, row.max, row.min - 1, above, chance.randint(-(1 << 31), (1 << 32) - 1)):
             assert alone.takes(index, value) == whole.takes(index, value), (row.name, value)
         for tables, table in ((alone, mine), (whole, every)):
             tables.set(table, index, moved(row))

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from plumb.f103.attached.adxl345 import Adxl345
-from plumb.f103.attached.invensense import Invensense, fit
+from plumb.f103.attached.invensense import Invensense
 from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.machine import Machine
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.spec import imu_chips
 from plumb.spec.system import SENSORS
+from plumb.systems.fitted_chips import fit
 from support.sensor_bench import DIGITAL_CONTROL, SELECT_PIN, Bench, bench_as_made, boot_sampling, image, world
 
 SIX_AXES = SENSORS.index("SIX_AXES")

@@ -1,5 +1,5 @@
-"""Register model of InvenSense's chips with gyro and accelerometer, as host/plumb/spec/chips declares them: MPU-6050
-(register map RM-MPU-6000A-00, rev. 4.2) and what is sold under its name on I2C, its successors on SPI.
+"""Register model of InvenSense's chips with gyro and accelerometer: MPU-6050 (register map RM-MPU-6000A-00, rev. 4.2)
+and what is sold under its name on I2C, its successors on SPI.
 
 Two sources: rates in deg/s, specific forces in g. The chip's low-pass is not modelled: the sources have the noise and
 lag of the filter that is set. A burst is one sample (chapter 4.17): the registers do not change during one access. Not
@@ -9,11 +9,12 @@ that of 0 counts; the accelerometer's own filter register of MPU-6500 and ICM-20
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from plumb.f103.attached.chip import Source, SpiChip
 from plumb.f103.core.bus import SimulationError
-from plumb.spec import imu_chips
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -26,41 +27,42 @@ DATA_RDY, SLEEP, RESET, WIDE = 0x01, 0x40, 0x80, (0, 7)
 BYTES = 14
 LSB_PER_DPS, LSB_PER_G = (131.0, 65.5, 32.8, 16.4), (16384, 8192, 4096, 2048)
 """For each value of FS_SEL and of AFS_SEL."""
-SELECT_PIN = 4
-"""Pin of port A that selects a chip on SPI."""
 
 
-def identities(name: str) -> dict[int, str]:
-    """WHO_AM_I of the declared chip, and of those on modules that are sold as it."""
-    chip = imu_chips.chips()[name]
-    first = chip.set_up[0]
-    return {value: title for title, value in chip.identities.items()} or {first.value: chip.title}
+@dataclass(frozen=True)
+class Part:
+    """A chip of the family. address: on I2C, 0 without it; power_on: registers that do not start at 0; spi_alone:
+    register and bits that switch I2C off, bits 0 without them; accel_filter: the accelerometer has a filter of its
+    own."""
+
+    name: str
+    title: str
+    identity: int
+    address: int
+    spi_mhz: float
+    power_on: Mapping[int, int]
+    spi_alone: tuple[int, int]
+    accel_filter: bool
 
 
 class Invensense(SpiChip):
     SIZE, DATA = 0x76, ACCEL
     POWER_ON: ClassVar[dict[int, int]] = {}
 
-    def __init__(
-        self, machine: Machine, rates: Source, forces: Source, name: str = "mpu6050", identity: int | None = None
-    ) -> None:
-        """name: of the declaration."""
-        self.chip = imu_chips.chips()[name]
-        self.NAME = name  # type: ignore[misc]  # one class for every chip of the family
-        own = self.chip.invensense
-        self.POWER_ON = {int(register, 0): value for register, value in own["power_on"].items()}  # type: ignore[misc]
-        self.SPI_MHZ = self.chip.spi_khz / 1000
-        self.spi_alone: tuple[int, int] = tuple(own.get("spi_alone", (0, 0)))
+    def __init__(self, machine: Machine, rates: Source, forces: Source, part: Part) -> None:
+        self.part = part
+        self.NAME = part.name  # type: ignore[misc]  # one class for every chip of the family
+        self.POWER_ON = dict(part.power_on)  # type: ignore[misc]
+        self.SPI_MHZ = part.spi_mhz
+        self.spi_alone = part.spi_alone
         self.settings = {SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, INT_ENABLE, PWR_MGMT_1, PWR_MGMT_2}
-        self.settings |= {ACCEL_CONFIG_2} if own.get("accel_filter") else set()
+        self.settings |= {ACCEL_CONFIG_2} if part.accel_filter else set()
         self.settings |= {self.spi_alone[0]} if self.spi_alone[1] else set()
         self.forces = forces
         self.force_counts = (0, 0, 0)
         self.forces_frozen = False
         """True: the accelerometer takes no new samples; the gyro does."""
-        super().__init__(
-            machine, rates, self.chip.address or 0, next(iter(identities(name))) if identity is None else identity
-        )
+        super().__init__(machine, rates, part.address, part.identity)
 
     def period_s(self) -> float:
         if self.registers[PWR_MGMT_1] & SLEEP:
@@ -83,7 +85,7 @@ class Invensense(SpiChip):
     def written(self, register: int, value: int) -> None:
         if register not in self.settings:
             self.machine.warn(
-                f"{self.chip.title}: register 0x{register:02X} is written, which is read-only or not modelled"
+                f"{self.part.title}: register 0x{register:02X} is written, which is read-only or not modelled"
             )
             return
         if register == PWR_MGMT_1 and value & RESET:
@@ -93,7 +95,7 @@ class Invensense(SpiChip):
         modes |= {ACCEL_CONFIG_2: 0xF8, self.spi_alone[0]: ~self.spi_alone[1] & 0xFF}
         if value & modes.get(register, 0):
             raise SimulationError(
-                f"{self.chip.title}: 0x{value:02X} in register 0x{register:02X} is a mode that is not modelled"
+                f"{self.part.title}: 0x{value:02X} in register 0x{register:02X} is a mode that is not modelled"
             )
         self.registers[register] = value
         if register in (SMPLRT_DIV, CONFIG, PWR_MGMT_1):
@@ -115,16 +117,6 @@ class Invensense(SpiChip):
         value = self.identity if register == WHO_AM_I else self.registers[register]
         self.noticed(register)
         return value
-
-
-def fit(machine: Machine, name: str, rates: Source, forces: Source) -> Invensense:
-    """A chip on the pins of its bus, as its declaration says."""
-    chip = Invensense(machine, rates, forces, name)
-    if imu_chips.one_chip(name).bus == "SPI":
-        machine.spi1.devices[SELECT_PIN] = chip
-    else:
-        machine.i2c_bus.slaves.append(chip)
-    return chip
 
 
 def _counts(felt: tuple[float, float, float], per_unit: float) -> tuple[int, int, int]:

@@ -10,6 +10,7 @@ from plumb.f103.attached.itg3205 import Itg3205
 from plumb.spec import imu_chips
 from plumb.systems.attitude.scenarios import ONE_CHIP, TWO_CHIPS, Scenario
 from plumb.systems.contracts import Conversion
+from plumb.systems.fitted_chips import fit
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -50,8 +51,7 @@ class AttitudeCoupling:
         self.taken: list[Conversion] = []
         self._start: float | None = None
         if plant.scenario.name == ONE_CHIP:
-            self.gyro = self.accel = Invensense(machine, self._rate_dps, self._force_g)
-            machine.i2c_bus.slaves.append(self.gyro)
+            self.gyro = self.accel = fit(machine, ONE_CHIP, self._rate_dps, self._force_g)
         else:
             self.gyro, self.accel = Itg3205(machine, self._rate_dps), Adxl345(machine, self._force_g)
             machine.i2c_bus.slaves += [self.gyro, self.accel]

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plumb.f103.attached.invensense import LSB_PER_DPS, LSB_PER_G, Invensense
+from plumb.f103.attached.invensense import LSB_PER_DPS, LSB_PER_G
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.physics.battery import BATTERY_PIN, Battery
 from plumb.systems.contracts import Conversion
+from plumb.systems.fitted_chips import fit
 from plumb.systems.quadrotor.plant import QuadrotorPlant
 from plumb.systems.quadrotor.vehicle import ROTORS_ON
 
@@ -40,8 +41,7 @@ class QuadrotorCoupling:
         self.plant = plant
         self.taken: list[Conversion] = []
         self._start: float | None = None
-        self.gyro = self.accel = Invensense(machine, self._rate_dps, self._force_g)
-        machine.i2c_bus.slaves.append(self.gyro)
+        self.gyro = self.accel = fit(machine, "mpu6050", self._rate_dps, self._force_g)
         self.gyro.on_read = self._read
         self.battery, self._share = Battery(), 0.0
         machine.adc.setdefault(BATTERY_PIN, self._battery_v)
