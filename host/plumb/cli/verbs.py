@@ -18,6 +18,7 @@ COMMANDS = {
     "golden": "make the golden vectors, or check boards against them",
     "replay": "run a log, or a recording of real sensors, through a board, and compare every step with the model",
     "estimate": "roll, pitch, rate about the vertical and sigma of a recording, as CSV in degrees with a page",
+    "check": "audit a recording by physics: units, axes, signs, clock, lags, limits, the reference",
     "compare": "tilt errors of VQF, Madgwick, Mahony and plumb's systems on recordings with a reference",
     "systems": "list the systems and their presets; compare their figures with the published ones",
     "virtual-board": "serve the simulated STM32F103: its UART on a pty or TCP port, its CAN on any bus",

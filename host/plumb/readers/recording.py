@@ -109,10 +109,11 @@ class AxisInput:
 def load(path: Path | str) -> Recording:
     """Read and check a file; raises UsageError with one sentence that names the fault."""
     path = Path(path)
-    return _checked(path, recording_files.read(path))
+    return checked(path, recording_files.read(path))
 
 
-def _checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
+def checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
+    """Columns of `recording_files.read` as a recording; raises UsageError with one sentence that names the fault."""
     time_s, gyr, acc = columns["time_s"], columns["gyr"], columns["acc"]
     n = len(time_s) if time_s.ndim == 1 else -1
     if n < 1 or gyr.shape != (n, 3) or acc.shape != (n, 3):

@@ -1,0 +1,75 @@
+"""Audit a recording of a gyro and an accelerometer by physics: units, axes, signs, clock, lags, limits, the reference.
+
+    plumb check walk.csv                            what is wrong, with the number behind it and the mend
+    plumb check walk.csv --out page                 the same with plots, in page/report.html
+    plumb check walk.csv --mend acc*-1              the audit after a mend by hand; repeatable
+    plumb replay walk.csv --board native --as-found replay with all that is sure undone
+
+The gyro says how a direction that is fixed to the earth turns in the sensor's axes, and the accelerometer shows it:
+over the factor, the 48 ways to name axes, and lags, one fits. Nothing of an estimator is used, and no board.
+
+Each finding is `sure`, `likely` (two readings, or no motion that tells them apart: both are named) or `unknown`. A line
+that begins with ! is a fault; the mend undoes it. --as-found audits again with all that is sure undone, and prints what
+that was; what is likely is never applied unless --mend names it.
+
+Exit code 0 when nothing is surely wrong, 1 when something is, 2 for a file that cannot be read.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumb.cli import options
+
+if TYPE_CHECKING:
+    from plumb.audit.audit import Audit
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, help="the recording")
+    parser.add_argument("--mend", action="append", default=[], metavar="WORD", help="undo this first; repeatable")
+    parser.add_argument("--as-found", action="store_true", help="undo all that is sure, say what, and audit again")
+    options.add_json(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    import json
+
+    from plumb.audit.audited_files import audited
+    from plumb.errors import ExitCode
+
+    found = audited(arguments.file, arguments.mend)
+    applied: list[str] = []
+    if arguments.as_found:
+        applied = found.sure_mends
+        found = audited(arguments.file, [*arguments.mend, *applied])
+    if arguments.json:
+        print(json.dumps(to_json(arguments, found, applied)))
+    else:
+        print("\n".join(lines(found, applied)))
+    return ExitCode.BAD_VERDICT if found.sure_fault else ExitCode.GOOD
+
+
+def to_json(arguments: argparse.Namespace, found: Audit, applied: list[str]) -> dict[str, object]:
+    return {
+        "recording": str(arguments.file),
+        "mends": [*arguments.mend, *applied],
+        "sure_fault": found.sure_fault,
+        "as_found": found.sure_mends,
+        "findings": [one.to_json() for one in found.findings],
+    }
+
+
+def lines(found: Audit, applied: list[str]) -> list[str]:
+    """Faults first, then properties, then the verdict."""
+    said = [f"as found: {' '.join(applied)}"] if applied else []
+    said += [f"! {one.line}" for one in found.faults]
+    said += [f"  {one.line}" for one in found.findings if not one.wrong]
+    sure = sum(one.sure_fault for one in found.findings)
+    if sure:
+        mends = "; --as-found undoes " + " ".join(found.sure_mends) if found.sure_mends else ""
+        return [*said, f"{sure} surely wrong{mends}"]
+    likely = len(found.faults)
+    return [*said, f"nothing is surely wrong, {likely} likely" if likely else "nothing is wrong"]
