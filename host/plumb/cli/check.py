@@ -1,9 +1,8 @@
 """Audit a recording of a gyro and an accelerometer by physics: units, axes, signs, clock, lags, limits, the reference.
 
     plumb check walk.csv                            what is wrong, with the number behind it and the mend
-    plumb check walk.csv --out page                 the same with plots, in page/report.html
     plumb check walk.csv --mend acc*-1              the audit after a mend by hand; repeatable
-    plumb replay walk.csv --board native --as-found replay with all that is sure undone
+    plumb check walk.csv --as-found                 the audit after all that is sure is undone
 
 The gyro says how a direction that is fixed to the earth turns in the sensor's axes, and the accelerometer shows it:
 over the factor, the 48 ways to name axes, and lags, one fits. Nothing of an estimator is used, and no board.
