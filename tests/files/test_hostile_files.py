@@ -117,6 +117,7 @@ FORMATS: dict[str, tuple[str, Make, Read]] = {
     "candump": ("a.log", lambda rng, _: hostile_files.candump(rng), of_log),
     "trc": ("a.trc", lambda rng, _: hostile_files.trc(rng), of_log),
     "mf4": ("a.mf4", lambda rng, good: hostile_files.mf4(rng, (good / "good.mf4").read_bytes()), of_log),
+    "frames in text": ("a.log", lambda rng, _: hostile_files.console_text(rng), of_log),
     "frames in csv": ("a.csv", lambda rng, _: hostile_files.bus_csv(rng), of_bus),
     "plog": ("a.plog", lambda rng, _: hostile_files.plog(rng, {"clock": "utc", "protocol": {}}, good_table()), of_log),
     "npz": ("a.npz", lambda rng, _: hostile_files.npz(rng), recording.load),

@@ -491,4 +491,4 @@ def test_frames_that_are_no_plumb_boards_are_one_sentence(tmp_path: Path, capsys
     with LogWriter(path, {}) as writer:
         writer._blocks.append("FRMS", frames.tobytes())
     assert front.main(["replay", str(path), "--board", "native"]) == 2
-    assert "car.plog holds no step" in capsys.readouterr().err
+    assert "none of the 50 frames of car.plog is plumb's" in capsys.readouterr().err

@@ -3,6 +3,7 @@ compressed bombs, parts that are cut, repeated or swapped, and values of another
 
 from __future__ import annotations
 
+import gzip
 import json
 import random
 import struct
@@ -129,6 +130,19 @@ def trc(rng: random.Random) -> bytes:
             f";$COLUMNS={rng.choice(['N,O,T,B,I,d,R,L,D', 'N,O,T,I,d,l,D', 'N', '', 'N,' * 500])}", ";"]  # fmt: skip
     shape = rng.choice(["      1  {:.3f} DT 1 {:04X} Rx -  8    {}", "  1) {:.1f}  Rx  {:04X}  8  {}"])
     return _lines(rng, head, lambda at, i, data: shape.format(at * 1e3, i, data.hex(" ").upper()))
+
+
+def console_text(rng: random.Random) -> bytes:
+    """What candump prints, BusMaster's log or SavvyCAN's CSV, perhaps compressed."""
+    shape, head = rng.choice(
+        [
+            ("({:.6f})  can0  {:03X}   [8]  {}", []),
+            ("00:00:{:07.4f} Rx 1 0x{:X} s 8 {}", ["***BUSMASTER Ver 2.4.0***", "***RELATIVE MODE***"]),
+            ("{},{:08X},false,0,8,{},", ["Time Stamp,ID,Extended,Bus,LEN,D1,D2"]),
+        ]
+    )
+    text = _lines(rng, head, lambda at, i, data: shape.format(at, i, data.hex("," if "," in shape else " ")))
+    return spoilt(rng, gzip.compress(rng.choice([text, bytes(1 << 25)]))) if rng.random() < 0.2 else text
 
 
 def bus_csv(rng: random.Random) -> bytes:

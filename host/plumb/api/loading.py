@@ -17,10 +17,10 @@ def load(path: Path | str, *, run: int | None = None, params: Path | str | None 
     """Read a recording in units, .npz or .csv, or a run of a log of a board.
 
     Args:
-        path: A log of `plumb record` (.plog), or a file of frames that carry raw counts (.blf, .asc, .log, .trc, .mf4):
-            the result is a `LoggedRun`, with every recorded signal in units. Else `.npz` with `gyr` (N, 3) rad/s, `acc`
-            (N, 3) m/s^2, `time_s` (N,) or `rate_hz`, perhaps `ref_quat` (N, 4) and `movement`
-            (N,); or `.csv` with columns of these names (`plumb replay --help`).
+        path: A log of `plumb record` (.plog), or a CAN tool's file of frames that carry raw counts: the result is a
+            `LoggedRun`, with every recorded signal in units. Else `.npz` with `gyr` (N, 3) rad/s, `acc` (N,
+            3) m/s^2, `time_s` (N,) or `rate_hz`, perhaps `ref_quat` (N, 4) and `movement` (N,); or `.csv`
+            with columns of these names (`plumb replay --help`).
         run: Of a log: number of the run, from 1; None: the one of which most is known.
         params: Of a log whose frames do not carry the parameters: file of `plumb params dump`.
 
@@ -31,7 +31,7 @@ def load(path: Path | str, *, run: int | None = None, params: Path | str | None 
         UsageError: A file that cannot be read, or that holds something else; one sentence says what.
     """
     given, table = arguments.path_of("path", path), arguments.optional_path_of("params", params)
-    if given.suffix.lower() in log_replay.SUFFIXES:
+    if log_replay.is_log(given):
         if run is not None:
             arguments.require_whole(run=run)
         return load_run(given, run, table)

@@ -13,9 +13,9 @@ The suffix of a file names its format:
 
     plumb export flight.plog flight.csv --format bbl-csv    .csv in the columns of blackbox_decode, for blackbox viewers
 
-LOG is a log of plumb record, also one that was cut: it is read up to its last whole block. It may be a .blf, .asc,
-.log, .trc or .mf4, too, with --params where its frames do not carry the parameters. --log-run chooses one of several
-runs (default: the one of which most is known). A file that exists is not overwritten without --force.
+LOG is a log of plumb record, also one that was cut: it is read up to its last whole block. It may be the file of a CAN
+tool, too (plumb replay --help), with --params where its frames do not carry the parameters. --log-run chooses one of
+several runs (default: the one of which most is known). A file that exists is not overwritten without --force.
 """
 
 from __future__ import annotations

@@ -4,10 +4,12 @@
     plumb replay bus.blf --board native                  the same from a file of frames that carry raw counts
     plumb replay walk.csv --axis y --board native        a recording of a real sensor, in units
 
-A log (.plog), or frames in .blf, .asc, .log (candump), .trc or .mf4, carry the raw counts that the board used, and the
-digest of what it made of them. The counts go through --board and through the model, and all three answers are compared:
-`pass` says that recording, board and model agree in every bit. From a step on whose counts were lost, nothing is
-verified (exit code 3). Parameters are those of the recording; --params gives them where its frames do not carry them.
+A log (.plog), or the frames of a CAN tool, carry the raw counts that the board used, and the digest of what it made of
+them. BLF, ASC, TRC, MF4, what candump logs or prints, BusMaster's log, python-can's CSV and SavvyCAN's (GVRET) are told
+by their content, also when compressed by gzip. A file that is cut is read up to its last whole line. The counts go
+through --board and through the model, and all three answers are compared: `pass` says that recording, board and model
+agree in every bit. From a step on whose counts were lost, nothing is verified (exit code 3). Parameters are those of
+the recording; --params gives them where its frames do not carry them.
 
 A recording in units (.npz, .csv) is replayed with an ideal sensor that is scaled to it. That compares the board with
 the model on new counts; it is no proof of what another board did with this motion. Columns are described at the top of
@@ -51,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb.readers import log_replay
 
-    if arguments.file.suffix.lower() in log_replay.SUFFIXES:
+    if log_replay.is_log(arguments.file):
         return of_log(arguments)
     return of_units(arguments)
 
@@ -68,13 +70,13 @@ def of_log(arguments: argparse.Namespace) -> int:
             raise UsageError(f"{name} is for recordings in units: a log is replayed as it was recorded")
     require_out(arguments)
     log = log_replay.open_log(arguments.file)
+    for sentence in log.warnings:
+        print(f"plumb: warning: {sentence}", file=sys.stderr)
     recorded = log_replay.chosen(log_replay.runs_of(log, options.params_of(arguments)), arguments.log_run)
     if arguments.system not in (None, recorded.system):
         raise UsageError(
             f"{arguments.file.name} is of {recorded.system}, not of {arguments.system}: leave out --system"
         )
-    for sentence in log.warnings:
-        print(f"plumb: warning: {sentence}", file=sys.stderr)
     if recorded.of > 1 and arguments.log_run is None:
         print(f"run {recorded.number} of {recorded.of}, of which most is known; --log-run N chooses", file=sys.stderr)
     with options.board_of(arguments) as board:

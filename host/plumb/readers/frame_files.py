@@ -1,4 +1,4 @@
-"""Files of frames that other tools write and read: BLF, ASC, TRC, candump and MF4.
+"""Files of frames that other tools write and read, in the formats of `plumb.link.frame_formats`.
 
 Such a file has no DBC and no identity; the messages are those of this version of plumb. Its parameters are those that
 its own frames carry.
@@ -14,30 +14,27 @@ from typing import IO
 import numpy as np
 
 from plumb.errors import UsageError
-from plumb.link.foreign_frames import READ, blocks_in, require_mf4
+from plumb.link.foreign_frames import blocks_in
 from plumb.readers.log_file import BLOCK_FRAMES, FRAME, Frames, Log
 from plumb.spec.protocol import protocol
 
 MOST_MEMORY = 32 << 20
 """Bytes of a file's frames that are held in memory; more are spooled to a temporary file."""
-_ADVICE = "give a log of `plumb record`, or a file of frames in the format of its suffix"
+_ADVICE = "give a log of `plumb record`, or a file of frames of a CAN tool"
 
 
 def read_frames(path: Path) -> Log:
     """The frames of a file as a log without identity. Raises UsageError for a file that cannot be read."""
-    if path.suffix.lower() not in READ:
-        raise UsageError(f"{path} is no file of frames, which end in {', '.join(READ)}; {_ADVICE}")
-    if path.suffix.lower() == ".mf4":
-        require_mf4()
     spool = tempfile.SpooledTemporaryFile(MOST_MEMORY)  # noqa: SIM115 (the log reads it as long as it lives)
     count = 0
-    for frames in blocks_in(path, _ADVICE):
+    notes: list[str] = []
+    for frames in blocks_in(path, _ADVICE, notes):
         spool.write(frames.tobytes())
         count += len(frames)
     if not count:
         raise UsageError(f"{path} holds no frame; {_ADVICE}")
     head: dict[str, object] = {"protocol": {"dbc_hash": f"0x{protocol().dbc_hash:08x}"}}
-    return Log(path, head, blocks=lambda: _blocks_of(spool), count=count, done={})
+    return Log(path, head, blocks=lambda: _blocks_of(spool), count=count, done={}, notes=notes)
 
 
 def _blocks_of(spool: IO[bytes]) -> Iterator[Frames]:

@@ -60,7 +60,7 @@ class ParameterSet:
 class Log:
     """What a log holds. blocks: reads its frames from the beginning, in pieces of a bounded size; count: how many there
     are. damages: places that are not whole blocks; lost_blocks: numbers that are missing between whole blocks. done:
-    None when the recording was cut."""
+    None when the recording was cut. notes: sentences on how a file of another tool was read."""
 
     path: Path
     head: dict[str, object] = field(default_factory=dict)
@@ -71,6 +71,7 @@ class Log:
     done: dict[str, object] | None = None
     damages: list[Damage] = field(default_factory=list)
     lost_blocks: int = 0
+    notes: list[str] = field(default_factory=list)
 
     @property
     def frames(self) -> Frames:
@@ -80,7 +81,7 @@ class Log:
     @property
     def warnings(self) -> list[str]:
         """A sentence for everything that is not as the recorder wrote it."""
-        found = []
+        found = list(self.notes)
         inside = [damage for damage in self.damages if not damage.at_end]
         if inside:
             size = sum(damage.end - damage.start for damage in inside)

@@ -18,8 +18,9 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards.contract import StepBoard
 from plumb.contract.parameters import Changes
+from plumb.counted import counted
 from plumb.errors import UnverifiedError, UsageError
-from plumb.link import foreign_frames
+from plumb.link.frame_formats import table
 from plumb.link.selection import raw_frames_of
 from plumb.link.used_tables import TableChange
 from plumb.proof import runs
@@ -28,18 +29,33 @@ from plumb.proof.report import Statement
 from plumb.proof.runs import Run, RunInputs
 from plumb.proof.scenario_run import ScenarioRun
 from plumb.readers import frame_files, recording
-from plumb.readers.log_file import SUFFIX, Log, ParameterSet, read_log
-from plumb.readers.logged_parameters import ParametersInUse, UsedParameters, changes_of_run, heard_sets
+from plumb.readers.log_file import MAGIC, SUFFIX, Log, ParameterSet, read_log
+from plumb.readers.logged_parameters import (
+    ParametersInUse,
+    UsedParameters,
+    changes_of_run,
+    heard_sets,
+    of_another_version,
+)
 from plumb.readers.logged_runs import LoggedRun, Steps, runs_in
 from plumb.readers.recorded_digests import Compared, LongReplay, replay_long
+from plumb.spec.protocol import FRAME_DLC, Protocol, check
 
-SUFFIXES = (SUFFIX, *foreign_frames.READ)
-"""Files that carry what a board said, and can be reproduced."""
+
+def is_log(path: Path) -> bool:
+    """Whether a file carries what a board said, and can be reproduced: by its content, and by its suffix when the
+    content says nothing."""
+    return _is_own(path) or table.may_be(path)
+
+
+def _is_own(path: Path) -> bool:
+    return table.head_of(path).startswith(f"{MAGIC}\n".encode()) or path.suffix.lower() == SUFFIX
 
 
 def open_log(path: Path) -> Log:
     """A log of plumb's own, or the frames of another tool's. Raises UsageError."""
-    return read_log(path) if path.suffix.lower() == SUFFIX else frame_files.read_frames(path)
+    own = _is_own(path) and table.format_of(path) is None
+    return read_log(path) if own else frame_files.read_frames(path)
 
 
 @dataclass(frozen=True)
@@ -84,6 +100,9 @@ def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRu
     messages = log.protocol()
     sets = [ParameterSet(0, dict(given))] if given else [*log.parameter_sets, *heard_sets(log.blocks(), messages)]
     beside = [] if given else log.parameter_sets
+    other = "" if sets else of_another_version(log.blocks(), messages)
+    if other:
+        raise UsageError(f"{log.path.name} cannot be reproduced: {other}")
 
     used_at = ParametersInUse(sets, log.path.name).at
 
@@ -92,7 +111,7 @@ def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRu
 
     runs = runs_in(log.blocks, messages, needed_at, [one.at for one in beside])
     if not runs:
-        raise UsageError(f"{log.path.name} holds no step, because no run was in progress: --run live begins one")
+        raise UsageError(_why_no_run(log, messages))
     found = []
     for number, run in enumerate(runs, 1):
         used = used_at(run.at)
@@ -100,6 +119,21 @@ def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRu
         known = min(run.known_until(), run.steps if unknown is None else max(unknown.step, 0))
         found.append(RecordedRun(log, run, used, number, len(runs), known, changes, unknown))
     return found
+
+
+def _why_no_run(log: Log, messages: Protocol) -> str:
+    """Why no step is in the frames: they are not plumb's, or no run was in progress."""
+    known = list(messages.by_identifier)
+    ours = 0
+    for block in log.blocks():
+        for _, can_id, length, _, data in block[np.isin(block["can_id"], known)].tolist():
+            ours += length == FRAME_DLC and check(can_id, bytes(data))
+        if ours:
+            return f"{log.path.name} holds no step, because no run was in progress: --run live begins one"
+    return (
+        f"none of the {counted(log.count, 'frame')} of {log.path.name} is plumb's: record the bus of a plumb board, at "
+        "its bit rate"
+    )
 
 
 def chosen(found: Sequence[RecordedRun], number: int | None) -> RecordedRun:

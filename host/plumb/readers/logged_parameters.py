@@ -63,6 +63,19 @@ def heard_sets(blocks: Iterable[Frames], messages: Protocol) -> list[ParameterSe
     return found
 
 
+def of_another_version(blocks: Iterable[Frames], messages: Protocol) -> str:
+    """That a recording's frames carry a whole table of another number of parameters, as a sentence; "" when not."""
+    message = messages["PARAM_VALUE"]
+    heard = {message.decode(data)["index"] for _, _, data in _frames_with([message.identifier], blocks)}
+    rows = len(parameters.table())
+    if len(heard) < 2 or len(heard) == rows or heard != set(range(len(heard))):
+        return ""
+    return (
+        f"its frames carry {len(heard)} parameters, this version of plumb has {rows}: replay it by the version "
+        "that was recorded"
+    )
+
+
 def _frames_with(identifiers: Sequence[int], blocks: Iterable[Frames]) -> Iterator[tuple[int, int, bytes]]:
     """Place, identifier and data of the frames that have one of the identifiers and are whole."""
     begin = 0

@@ -79,8 +79,8 @@ def load(path: Path) -> Rest:
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file is the log of a board, by its suffix, and not a recording in units."""
-    return path.suffix.lower() in log_replay.SUFFIXES
+    """Whether a file is the log of a board, by its content, and not a recording in units."""
+    return log_replay.is_log(path)
 
 
 def _of_recording(path: Path) -> Rest:

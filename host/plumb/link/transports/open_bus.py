@@ -4,7 +4,7 @@
     tcp:HOST:PORT                 the serial link's text over TCP
     udp:PORT                      the serial link's text in datagrams, on this machine
     can:INTERFACE:CHANNEL[@KBIT]  any interface of python-can; 500 kbit/s by default
-    file:PATH                     frames of a log, paced by their time stamps (.asc .blf .csv .log .trc)
+    file:PATH                     frames of a log, paced by their time stamps (plumb.link.frame_formats)
 
 `open_bus` opens the host's end; `serve_bus` the far end, where `serial:pty` makes a pseudo-terminal and tcp and udp
 wait for a client. plumb.link.endpoint_names parses the names.
@@ -34,13 +34,12 @@ from plumb.link.endpoint_names import (
     split_rate,
 )
 from plumb.link.foreign_frames import blocks_in
+from plumb.link.frame_formats import table
 from plumb.link.frame_records import messages_of
 from plumb.link.transports.can_bus import DriverBus
 from plumb.link.transports.serial_ports import check_port
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.link.transports.socketcand import SocketcandClient
-
-LOG_SUFFIXES = (".asc", ".blf", ".csv", ".log", ".trc")
 
 
 def open_bus(spec: str, *, listen_only: bool = False) -> can.BusABC:
@@ -136,9 +135,9 @@ class LogBus(can.BusABC):
 
     def __init__(self, path: Path) -> None:
         self.ended = False
-        advice = f"give a log of frames, which ends in {', '.join(LOG_SUFFIXES)}"
+        advice = f"give a log of frames: {table.NAMES}"
         input_files.check_regular(path, advice)
-        if path.suffix.lower() not in LOG_SUFFIXES:
+        if not table.may_be(path):
             raise UsageError(f"{path} is no log of frames; {advice}")
         self._blocks = blocks_in(path, advice)
         self._messages = (message for block in self._blocks for message in messages_of(block))
