@@ -168,7 +168,7 @@ def test_a_file_of_another_kind_is_told_what_would_do(
 ) -> None:
     (tmp_path / name).write_bytes(b"\x89PNG\r\n")
     assert export(tmp_path / name, tmp_path / "run.csv") == 2
-    assert f"{name} is no file of frames, which end in .asc, .blf" in capsys.readouterr().err
+    assert f"{name} holds no frames in a format that plumb reads (BLF, MF4" in capsys.readouterr().err
     assert not (tmp_path / "run.csv").exists()
 
 

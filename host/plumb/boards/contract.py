@@ -28,13 +28,23 @@ class Answer:
     digests: CRC-32 of each step's words, shape (steps,). words: the words of all steps from boards that give them
     (fixed, native, qemu), else None: over a link only digests are sent, and `words_of_step` gets the words of one step.
     unverified_from: first step whose digest or raw counts were lost on the link, else None; why: the reason, when it is
-    another one than a loss on the link.
+    another one than a loss on the link. compared: the steps of which all that the comparison needs was received; None:
+    those before `unverified_from`.
     """
 
     digests: npt.NDArray[np.uint32]
     words: Words | None = None
     unverified_from: int | None = None
     why: str = ""
+    compared: npt.NDArray[np.bool_] | None = None
+
+    def received(self, expected: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+        """The digests, with the expected one, of shape (steps,), for each step that cannot be compared."""
+        if self.compared is not None:
+            return np.where(self.compared, self.digests, expected)
+        if self.unverified_from is not None:
+            return np.concatenate([self.digests[: self.unverified_from], expected[self.unverified_from :]])
+        return self.digests
 
 
 @dataclass(frozen=True)

@@ -198,6 +198,12 @@ class Capture:
         missing = [step for step in range(steps) if step not in self.digest or step not in self.raw]
         return min(missing[:1] + ([self.setpoints.doubt] if self.setpoints.doubt is not None else []), default=None)
 
+    def inputs_until(self, steps: int) -> int | None:
+        """The first step below `steps` whose raw counts or setpoint did not arrive: the state after it is not known."""
+        lost = next((step for step in range(steps) if step not in self.raw), None)
+        doubts = (lost, self.setpoints.doubt)
+        return min((step for step in doubts if step is not None), default=None)
+
     def raw_counts(self, steps: int) -> npt.NDArray[np.int16]:
         """The inputs of the steps, with room for those of any system; zero where lost. Shape (steps, 6 or more)."""
         return np.array([self.raw.get(step, [0] * self._inputs) for step in range(steps)], np.int16).reshape(

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from plumb import systems
 from plumb.boards.contract import Answer, RawCounts, SimulatedBoard
 from plumb.boards.plant_on_pins import FOUND_US, PilotOnLine, configure_as, sampling_began_s
@@ -94,9 +96,16 @@ def run_live(
     truth = columns([conversion.truth for conversion in conversions_of(coupling.taken, begun_s, raw)])
     inputs = RunInputs(scenario.time_s, truth, raw, capture.setpoints.of_steps(steps), scenario.scored)
     changes, unknown = changes_of(capture, params, steps)
-    doubts = [step for step in (capture.first_doubt(steps), unknown) if step is not None]
-    answer = Answer(capture.digests(steps), unverified_from=min(doubts, default=None))
-    return judge(board, inputs, params, answer, changes)
+    return judge(board, inputs, params, received(capture, steps, unknown), changes)
+
+
+def received(capture: Capture, steps: int, unknown: int | None) -> Answer:
+    """The answer of a board of which frames may be lost. unknown: first step whose parameters are not known. A step
+    whose digest is lost is not compared; from a step on whose inputs are not known, none is."""
+    first = min((step for step in (capture.first_doubt(steps), unknown) if step is not None), default=None)
+    known = min((step for step in (capture.inputs_until(steps), unknown) if step is not None), default=steps)
+    arrived = np.array([step in capture.digest for step in range(steps)], np.bool_)
+    return Answer(capture.digests(steps), None, first, compared=arrived & (np.arange(steps) < known))
 
 
 def why_disarmed(session: Session) -> str:

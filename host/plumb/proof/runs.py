@@ -88,9 +88,9 @@ class Run:
 
     @property
     def mismatches(self) -> int:
-        """Number of steps whose digest differs from the model's."""
-        compared = slice(self.answer.unverified_from if self.answer.why else None)
-        return count_mismatches(self.words.digests()[compared], self.answer.digests)
+        """Number of steps whose digest differs from the model's, of those of which all was received."""
+        expected = self.words.digests()
+        return count_mismatches(expected, self.answer.received(expected))
 
     @property
     def verdict(self) -> str:
@@ -127,7 +127,8 @@ class Run:
             bits = f"{differ} of {steps} steps differ from the model"
             bits += f"; the first at {self.divergence}" if self.divergence is not None else ""
         elif lost is not None:
-            bits = f"not known from step {lost} on: {self.answer.why or 'answers were lost'}"
+            bits = f"unverified from step {lost} on: {self.answer.why or 'frames were lost on the way'}"
+            bits += "; every step of which all was received equals the model"
         else:
             bits = f"every one of the {steps} steps equals the model"
         accuracy = self.accuracy(heading)
@@ -232,9 +233,8 @@ def judge(
             return {name: int(values[step]) for name, values in answer.words.items()}
         return {} if board is None else board.words_of_step(params, inputs.raw, inputs.setpoint, step)
 
-    compared = Words(words.record[: answer.unverified_from]) if answer.why else words
     asked = words_of_step if answer.words is not None or not changes else None  # no lockstep repeats a change
-    divergence = first_divergence(compared, answer.digests, asked)
+    divergence = first_divergence(words, answer.received(words.digests()), asked)
     return Run(inputs, params, words, ideal, answer, divergence, {} if board is None else part_of(board), changes)
 
 
