@@ -199,4 +199,4 @@ def test_a_log_without_a_run_still_gives_its_frames(
     assert export(empty, path, tmp_path / "empty.json") == 0 and path.stat().st_size
     capsys.readouterr()
     assert export(empty, tmp_path / "empty.csv") == 2
-    assert "empty.plog holds no step" in capsys.readouterr().err
+    assert "the one frame of empty.plog is not plumb's" in capsys.readouterr().err

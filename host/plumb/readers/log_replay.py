@@ -130,10 +130,9 @@ def _why_no_run(log: Log, messages: Protocol) -> str:
             ours += length == FRAME_DLC and check(can_id, bytes(data))
         if ours:
             return f"{log.path.name} holds no step, because no run was in progress: --run live begins one"
-    return (
-        f"none of the {counted(log.count, 'frame')} of {log.path.name} is plumb's: record the bus of a plumb board, at "
-        "its bit rate"
-    )
+    of, no = log.path.name, f"none of the {counted(log.count, 'frame')} of {log.path.name} is"
+    no = f"the one frame of {of} is not" if log.count == 1 else no
+    return f"{no} plumb's: record the bus of a plumb board, at its bit rate"
 
 
 def chosen(found: Sequence[RecordedRun], number: int | None) -> RecordedRun:
