@@ -83,7 +83,8 @@ def test_a_ride_is_armed_driven_stopped_recorded_and_replayed_to_the_bit(bench: 
     bench.turn(0.5, on=False)
     assert not bench.loop.state["armed"]
     bench.turn(trip_loop.REST_S + 1.0, on=False)
-    assert bench.loop.state["over"] and bench.loop.state["light"]["colour"] != "red"  # type: ignore[index]
+    bench.turn(2.0, on=False)
+    assert bench.loop.state["over"] and bench.loop.state["light"]["colour"] == "green"  # type: ignore[index]
     assert any(text == "ride 1 is over" for _, text in bench.loop.notes)
     bench.loop.recording.wait()
     (log,), (report,) = tmp_path.glob("*.plog"), bench.loop.reports

@@ -29,6 +29,8 @@ class Comparison:
     def __init__(self, params: ControlParams | None, why_not: str = "") -> None:
         self.shadow = Shadow(params, keeps=True) if params is not None else None
         self._why_not, self._compared_s = why_not, 0.0
+        self.over = False
+        """Whether the run has ended: what its steps were stays true."""
 
     def follow(self, capture: Capture, lost: int, now_s: float) -> None:
         """Compare the steps that are complete. lost: frames missing so far."""
@@ -62,6 +64,8 @@ class Comparison:
             return Light("amber", f"{where}; a new run is compared again")
         if not shadow.steps:
             return Light("off", "no step has been compared yet")
+        if self.over:
+            return Light("green", f"all {shadow.steps} steps equal the model in every bit")
         if now_s - self._compared_s > FRESH_S:
             return Light("off", f"{shadow.steps} steps equal the model in every bit; no more come")
         return Light("green", f"{shadow.steps} steps equal the model in every bit")

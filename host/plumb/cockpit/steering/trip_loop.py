@@ -161,10 +161,10 @@ class TripLoop(BoardRun):
         # In one piece: a wait for the first frame would look at the line every 100 us.
         self._steered_board.pass_us(TURN_US)
         self._session.receive(0.0)
-        self._follow()
-        if self._over:
+        if self._over:  # the board's idle time is nobody's run
             self.transmitter.off = True
         else:
+            self._follow()
             self._judge()
         now_s = self._session.clock()
         if self.samples is not None:
@@ -230,7 +230,7 @@ class TripLoop(BoardRun):
         """End the trip, and write its record."""
         if self._over:
             return
-        self._over = True
+        self._over = self._comparison.over = True
         if self._armed:
             self._session.disarm()
         elif self._went:
