@@ -23,11 +23,11 @@ def in_the_hand(seed: int, rate_hz: float, seconds: float = 40.0, name: str = "h
     rng = np.random.default_rng(seed)
     points = round(seconds / motion.GRID_S) + 1
     grid_s = np.arange(points) * motion.GRID_S
-    turn, moved_g = motion.MOTIONS[name](grid_s, rng.standard_normal((6, points)))
+    turn, moved_g = motion.MOTIONS[name](np.asarray(grid_s, np.float64), rng.standard_normal((6, points)))
     inclined = np.radians(15.0) * rng.standard_normal(2)
     begun = rotation.quaternions(np.array([*inclined, rng.uniform(-3.0, 3.0)])[:, None])
     q = rotation.product(np.broadcast_to(begun, (4, points)), rotation.quaternions(turn))
-    rate_dps = np.degrees(rotation.rates_radps(q, motion.GRID_S))
+    rate_dps = np.asarray(np.degrees(rotation.rates_radps(q, motion.GRID_S)), np.float64)
     felt_g = rotation.to_body(q, moved_g + UP_G)
     every = 1.0 / rate_hz
     n = round(seconds * rate_hz)
@@ -44,7 +44,10 @@ def in_the_hand(seed: int, rate_hz: float, seconds: float = 40.0, name: str = "h
     seen = rotation.product(q[:, at], rotation.quaternions(np.radians(0.1) * rng.standard_normal((3, n))))
     unit_dps, unit_g = 2000.0 / 32768, 16.0 / 32768
     return Samples(
-        np.arange(n) * every, np.rint(gyr / unit_dps) * unit_dps, np.rint(acc / unit_g) * unit_g, seen.T.copy()
+        np.asarray(np.arange(n) * every, np.float64),
+        np.rint(gyr / unit_dps) * unit_dps,
+        np.rint(acc / unit_g) * unit_g,
+        seen.T.copy(),
     )
 
 
