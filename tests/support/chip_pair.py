@@ -29,10 +29,10 @@ VENDOR_SAYS_0 = ("MCR", "MSR", "TSR", "BTR", "FMR", "ARR")
 def registers() -> dict[str, int]:
     """Name -> address, of the firmware's header."""
     text = HEADER.read_text()
-    bases = {found[1]: found[2] for found in re.finditer(r"#define (\w+_BASE)\s+(0x\w+)u", text)}
+    bases = {found[1]: found[2] for found in re.finditer(r"#define (\w+_BASE)\s+(0x\w+)U", text)}
     return {
-        found[1]: int(bases.get(found[2], found[2].rstrip("u")), 0) + int(found[3], 0)
-        for found in re.finditer(r"#define (\w+)\s+REG32\((\w+), (0x\w+)u\)", text)
+        found[1]: int(bases.get(found[2], found[2].rstrip("U")), 0) + int(found[3], 0)
+        for found in re.finditer(r"#define (\w+)\s+REG32\((\w+), (0x\w+)U\)", text)
     }
 
 
