@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
+from plumb.errors import LinkError
 from plumb.link.transports.slcan import text_of_frames
 from plumb.proof.faults import core
 from plumb.proof.faults.fault import Action, Fault
@@ -28,9 +29,11 @@ SETPOINT = 1 << 24
 
 
 def just_answered(scene: Scene) -> None:
-    """Let time pass until the host has answered a value: that is its last frame that counts."""
+    """Let time pass until the host has answered a value: that is its last frame that counts. Raises LinkError when it
+    has not."""
     scene.record()
-    scene.run_until(lambda: bool(scene.recorded("KEEPALIVE")), GONE_S)
+    if not scene.run_until(lambda: bool(scene.recorded("KEEPALIVE")), GONE_S):
+        raise LinkError("the host has answered no value of the keep-alive")
 
 
 def silent(scene: Scene) -> None:
