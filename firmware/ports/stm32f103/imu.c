@@ -12,6 +12,7 @@
 #include "imu.h"
 #include "generated/used_parts.h"
 #include "idle.h"
+#include "imu_access.h"
 #include "imu_counts.h"
 #include "samples.h"
 #include "spi.h"
@@ -38,63 +39,28 @@ typedef struct {
 } sensor_t;
 
 static board_sensors_t use;
-static const chip_t *chips[SENSORS]; /* the same one twice where it has both sensors */
-static uint32_t wired_to_spi;        /* bit 0 is the gyro */
 static volatile phase_t phase;
 static sensor_t sensors[SENSORS];
-static uint32_t active;                  /* sensor whose access is under way */
-static uint32_t asked;                   /* bytes that the access reads; 0: it writes one */
-static uint32_t age_ms, tries;           /* of the access */
-static uint16_t failures;                /* accesses that failed, modulo 2^16 */
-static uint8_t bytes[1U + IMU_DATA_MAX]; /* SPI: the command first */
-static uint32_t period_us;               /* between two samples */
-static uint32_t checked_us;              /* since a setting was read again */
-static uint32_t checked;                 /* sensor of that setting */
-static bool gave_six_axes;               /* since imu_use() */
-static uint32_t unjudged;                /* sensors whose last counts are not judged yet, bit 0 is the gyro */
-
-static bool on_spi(uint32_t sensor) {
-    return (wired_to_spi >> sensor & 1U) != 0U;
-}
-
-/* Sensors with a chip of their own: one chip with both is treated as the gyro. */
-static uint32_t chip_count(void) {
-    return chips[GYRO] == chips[ACCEL] ? 1U : SENSORS;
-}
+static uint32_t active;        /* sensor whose access is under way */
+static uint32_t age_ms, tries; /* of the access */
+static uint16_t failures;      /* accesses that failed, modulo 2^16 */
+static uint32_t period_us;     /* between two samples */
+static uint32_t checked_us;    /* since a setting was read again */
+static uint32_t checked;       /* sensor of that setting */
+static bool gave_six_axes;     /* since imu_use() */
+static uint32_t unjudged;      /* sensors whose last counts are not judged yet, bit 0 is the gyro */
 
 /* Both sensors are set up. */
 static bool all_up(void) {
-    return sensors[GYRO].up && (chip_count() == 1U || sensors[ACCEL].up);
-}
-
-/* Starts an access of the active sensor: reads to_read bytes, or with 0 writes bytes[1]. */
-static void transfer(uint8_t reg, uint32_t to_read) {
-    asked = to_read;
-    age_ms = 0U;
-    if (on_spi(active)) {
-        bytes[0] = (uint8_t)(reg | (to_read > 0U ? chips[active]->spi_read : 0U));
-        spi_exchange(bytes, to_read > 0U ? 1U + to_read : 2U);
-    } else {
-        i2c_access(chips[active]->address, reg, &bytes[1], to_read);
-    }
-}
-
-/* What a step of the active sensor writes, or wants to read. */
-static uint8_t value_of(const chip_step_t *step) {
-    const uint32_t option = active == ACCEL ? use.accel_rate : use.gyro_filter;
-    return (uint8_t)(step->value | (step->action == CHIP_OPTION ? option : 0U));
+    return sensors[GYRO].up && (imu_chip_count() == 1U || sensors[ACCEL].up);
 }
 
 static void access(void) {
-    const chip_t *const chip = chips[active];
-    const chip_step_t *const step = &chip->steps[sensors[active].step];
+    age_ms = 0U;
     if (phase == SAMPLE) {
-        transfer(chip->data, chip->data_bytes);
-    } else if (phase == SET_UP && (step->action == CHIP_WRITE || step->action == CHIP_OPTION)) {
-        bytes[1] = value_of(step);
-        transfer(step->reg, 0U);
+        imu_access_sample(active);
     } else {
-        transfer(step->reg, 1U);
+        imu_access_step(active, sensors[active].step, phase == SET_UP);
     }
 }
 
@@ -102,7 +68,7 @@ static void access(void) {
 static void lose(uint8_t cause) {
     sensor_t *const s = &sensors[active];
     s->cause = cause;
-    if (chip_count() == 1U) {
+    if (imu_chip_count() == 1U) {
         sensors[ACCEL].cause = cause;
     }
     s->up = false;
@@ -111,33 +77,16 @@ static void lose(uint8_t cause) {
     unjudged = 0U;
     s->wait_ms = active == GYRO ? 0U : RETRY_MS;
     tries = 0U;
-    phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
+    phase = cause == BOARD_SENSOR_BUS && !imu_on_spi(active) ? RECOVER : REST;
     idle_tell();
-}
-
-/* True when the byte that was read is the one that the step of the set-up expects; also when it wrote. */
-static bool as_wanted(const chip_t *chip, const chip_step_t *step) {
-    if (asked == 0U) {
-        return true;
-    }
-    if (step->action != CHIP_KNOWN) {
-        return ((bytes[1] ^ value_of(step)) & step->mask) == 0U;
-    }
-    for (uint32_t i = 0U; i < chip->identity_count; i++) {
-        if (chip->identities[i] == bytes[1]) {
-            return true;
-        }
-    }
-    return false;
 }
 
 /* After an access of the set-up: checks it, then starts the next one or loses the sensor. */
 static void next_step(void) {
     sensor_t *const s = &sensors[active];
-    const chip_t *const chip = chips[active];
-    const chip_step_t *const step = &chip->steps[s->step];
-    if (!as_wanted(chip, step)) {
-        if (step->action != CHIP_AWAIT) {
+    const chip_t *const chip = imu_chip(active);
+    if (!imu_access_as_wanted(active, s->step)) {
+        if (chip->steps[s->step].action != CHIP_AWAIT) {
             lose(BOARD_SENSOR_IDENTITY);
         } else if (++s->awaited_ms >= AWAIT_MS) {
             lose(BOARD_SENSOR_SILENT);
@@ -154,40 +103,21 @@ static void next_step(void) {
     s->up = true;
     phase = REST;
     s->cause = BOARD_SENSOR_GOOD;
-    if (chip_count() == 1U) {
+    if (imu_chip_count() == 1U) {
         sensors[ACCEL].cause = BOARD_SENSOR_GOOD;
     }
-}
-
-/* Limits of a sensor that stands still. */
-static const imu_still_t *still_of(uint32_t sensor) {
-    const chip_t *const chip = chips[sensor];
-    const uint32_t option = sensor == ACCEL && chip_count() > 1U ? use.accel_rate : use.gyro_filter;
-    const uint32_t at = option - chip->option_first;
-    const uint32_t last = chip->still_last[sensor];
-    return &chip->still[sensor][at < last ? at : last];
-}
-
-static void store_sample(void) {
-    const bool both = chip_count() == 1U;
-    const chip_t *const chip = chips[active];
-    imu_counts_take(active, chip, &bytes[1U + chip->at[active]]);
-    if (both) {
-        imu_counts_take(ACCEL, chip, &bytes[1U + chip->at[ACCEL]]);
-    }
-    unjudged |= both ? 1U << GYRO | 1U << ACCEL : 1U << active;
 }
 
 /* Judges the counts of the last sample while the bus reads the next one: with both in one interrupt, a byte
  * of the receiver would wait for too long. */
 static void judge_last(void) {
-    const bool both = chip_count() == 1U;
+    const bool both = imu_chip_count() == 1U;
     for (uint32_t sensor = 0U; sensor < SENSORS; sensor++) {
         if ((unjudged >> sensor & 1U) == 0U) {
             continue;
         }
-        const imu_still_t *const beside = both && sensor == GYRO ? still_of(ACCEL) : NULL;
-        sensors[sensor].cause = imu_counts_judge(sensor, &use, still_of(sensor), beside, period_us);
+        const imu_still_t *const beside = both && sensor == GYRO ? imu_still_of(ACCEL) : NULL;
+        sensors[sensor].cause = imu_counts_judge(sensor, &use, imu_still_of(sensor), beside, period_us);
     }
     unjudged = 0U;
 }
@@ -201,8 +131,7 @@ static void publish(void) {
 }
 
 /* Ends a sample; when it is time, reads the next setting again: after a dip of its supply a chip is asleep,
- * and its counts stand still. A shorter period has room for that only once something is wrong. Of each chip
- * the settings lie between its identity, the first step, and its first sample, the last one. */
+ * and its counts stand still. A shorter period has room for that only once something is wrong. */
 static void check_in_turn(void) {
     phase = REST;
     checked_us += period_us;
@@ -211,22 +140,17 @@ static void check_in_turn(void) {
         return;
     }
     checked_us = 0U;
-    checked = checked == GYRO && chip_count() > 1U && sensors[ACCEL].up ? ACCEL : GYRO;
+    checked = checked == GYRO && imu_chip_count() > 1U && sensors[ACCEL].up ? ACCEL : GYRO;
     active = checked;
-    const chip_t *const chip = chips[active];
-    uint8_t *const step = &sensors[active].step;
-    do {
-        *step = (uint8_t)(*step + 2U < chip->step_count ? *step + 1U : 1U);
-    } while (chip->steps[*step].mask == 0U);
+    sensors[active].step = imu_access_next_setting(active, sensors[active].step);
     phase = CHECK;
     access();
 }
 
 /* After a setting was read again: three readings in a row that are wrong mean that it is lost. */
 static void end_check(void) {
-    const chip_t *const chip = chips[active];
     phase = REST;
-    if (as_wanted(chip, &chip->steps[sensors[active].step])) {
+    if (imu_access_as_wanted(active, sensors[active].step)) {
         tries = 0U;
     } else if (++tries < TRIES) {
         phase = CHECK;
@@ -236,20 +160,11 @@ static void end_check(void) {
     }
 }
 
-/* SPI has no acknowledge: when the chip is absent, the pull-up makes all bits 1. */
-static bool line_was_idle(void) {
-    uint8_t all = 0xffU;
-    for (uint32_t i = 0U; i < asked; i++) {
-        all &= bytes[1U + i];
-    }
-    return on_spi(active) && asked > 0U && all == 0xffU;
-}
-
 void imu_transferred(transfer_t result) {
     if (!USED_DIGITAL || phase < SET_UP) {
         return;
     }
-    if (result == TRANSFER_DONE && line_was_idle()) {
+    if (result == TRANSFER_DONE && imu_access_line_idle(active)) {
         result = TRANSFER_REFUSED;
     }
     if (result != TRANSFER_DONE) {
@@ -271,8 +186,8 @@ void imu_transferred(transfer_t result) {
         next_step();
         return;
     }
-    store_sample();
-    if (active == GYRO && chip_count() > 1U && sensors[ACCEL].up) {
+    unjudged |= imu_access_take(active);
+    if (active == GYRO && imu_chip_count() > 1U && sensors[ACCEL].up) {
         active = ACCEL;
         access();
     } else {
@@ -307,8 +222,8 @@ void imu_period(uint32_t length_us) {
 
 /* The sensor whose access was not the last one comes first. */
 static void start_one_of_the_lost(void) {
-    for (uint32_t n = 1U; n <= chip_count(); n++) {
-        const uint32_t i = (active + n) % chip_count();
+    for (uint32_t n = 1U; n <= imu_chip_count(); n++) {
+        const uint32_t i = (active + n) % imu_chip_count();
         sensor_t *const s = &sensors[i];
         if (s->up) {
             continue;
@@ -360,31 +275,22 @@ void imu_use(const board_sensors_t *wanted) {
     spi_end();
     i2c_abort();
     use = *wanted;
-    const imu_way_t *const way = &imu_ways[wanted->accel_bus];
-    wired_to_spi = way->on_spi;
+    imu_access_use(wanted);
     const bool used = wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES ||
                       (USED_WHEELS && wanted->kind == BOARD_SENSORS_RIDE);
     for (uint32_t i = 0U; i < SENSORS; i++) {
-        chips[i] = &imu_chips[way->chip[i]];
         sensors[i] = (sensor_t){.cause = used ? BOARD_SENSOR_STARTING : BOARD_SENSOR_GOOD};
     }
     imu_counts_clear();
     unjudged = 0U;
     tries = 0U;
     gave_six_axes = false;
-    spi_divide(way->spi_divider);
     if (used) {
-        phase = on_spi(GYRO) ? REST : RECOVER;
+        phase = imu_on_spi(GYRO) ? REST : RECOVER;
     }
 }
 
 void imu_health(board_health_t *health) {
-    if (!USED_DIGITAL) {
-        health->gyro = BOARD_SENSOR_GOOD;
-        health->accel = BOARD_SENSOR_GOOD;
-        health->bus_failures = 0U;
-        return;
-    }
     health->gyro = sensors[GYRO].cause;
     health->accel = sensors[ACCEL].cause;
     health->bus_failures = failures;
