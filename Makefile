@@ -22,7 +22,7 @@ setup: ## install what the tests need, where it is missing
 
 # Two workers per core, because many tests wait; one that has nothing left takes tests from another. A skip that
 # tests/conftest.py does not allow fails. Python keeps what it has compiled, whatever the environment says: the tests start
-# it some hundred times. Their matrices are small: threads of numpy's library would wait for each other beside the workers.
+# it some hundred times. Their matrices are small: threads of numpy's library would wait for each other while the workers run.
 WORKERS := $(shell expr 2 \* $$(nproc))
 PYTEST = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 PLUMB_NO_SKIPS=1 $(VENV)/python -m pytest -n $(WORKERS) --dist worksteal
 
@@ -65,13 +65,13 @@ test-long: ## whole campaigns, every board, every way to compile
 image: ## the flash image, and the core as a program for QEMU
 	@cmake --preset stm32f103 $(QUIET)
 	@cmake --build --preset stm32f103 $(QUIET)
-	@$(VENV)/python tools/build_images.py --beside-all $(QUIET)
+	@$(VENV)/python tools/build_images.py --left-out $(QUIET)
 
 # What the package holds: without the programs for QEMU.
 flash-images:
 	@cmake --preset stm32f103 $(QUIET)
 	@cmake --build --preset stm32f103 --target firmware $(QUIET)
-	@$(VENV)/python tools/build_images.py --beside-all $(QUIET)
+	@$(VENV)/python tools/build_images.py --left-out $(QUIET)
 
 images: ## the flash images, each checked; NAMES="quad ..." for some
 	@$(VENV)/python tools/build_images.py $(NAMES)
@@ -122,7 +122,7 @@ fuzz: ## libFuzzer on codec, receiver and session, FUZZ_S s each
 
 # Flash, RAM and stack by module and function, and what differs from the commit before.
 SIZE = $(VENV)/python tools/size_table.py build/stm32f103/firmware.elf
-size: image ## flash, RAM and stack by function, beside the last commit
+size: image ## flash, RAM and stack by function, compared with the last commit
 	@$(SIZE) --functions
 	@$(SIZE) --against previous
 

@@ -64,7 +64,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with the files beside this one: they build the package and start pytest anew, and at the end of a run one
+    """Begin with the files in this folder: they build the package and start pytest anew, and at the end of a run one
     worker would wait for the other."""
     long = [item for item in items if item.get_closest_marker("long")] if os.environ.get("PLUMB_LONG") != "1" else []
     if long:

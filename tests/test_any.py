@@ -1,4 +1,4 @@
-"""`Any` in host/plumb stands beside its reason: a comment `# Any: ...` on the line, as for a library without types.
+"""`Any` in host/plumb has its reason: a comment `# Any: ...` on the line, as for a library without types.
 
 Where a contract belongs, a TypedDict, a dataclass, a Protocol or `object` with narrowing says more, and `mypy --strict`
 holds the code to it.

@@ -49,7 +49,7 @@ def test_shared_code_of_the_tests_runs_them_all(tool: ModuleType) -> None:
     assert {"tests/files", "tests/cli"} <= folders(tool, "tests/support/native_board.py")
 
 
-def test_a_change_of_a_page_runs_what_stands_beside_the_floors(tool: ModuleType) -> None:
+def test_a_change_of_a_page_runs_the_tests_outside_the_floors(tool: ModuleType) -> None:
     found = tool.wanted({"docs/index.md"}, tool.floors())
     assert found and all(path.startswith("tests/test_") for path in found)
     assert tool.wanted(set(), tool.floors()) == []

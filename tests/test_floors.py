@@ -47,7 +47,7 @@ LOADED = {
 """Module -> the floor above its own whose modules it loads at run time, by the name of a system. It declares their
 contract; the module above imports the contract's floor and not the other way round."""
 CHIP = {"plumb.errors", "plumb.extras", "plumb.process_signals", "plumb.flash.image", "plumb.flash.rom_model"}
-"""What the simulated chip may import besides itself: image files, the ROM loader, errors."""
+"""What the simulated chip may import apart from itself: image files, the ROM loader, errors."""
 
 
 def modules() -> list[str]:

@@ -25,7 +25,7 @@ def run(folder: Path, *arguments: str) -> tuple[int, str]:
 
 
 def test_the_entry_point_is_the_plugin() -> None:
-    """Its name is the module's, so that `-p plumb.pytest_plugin` beside it is no second plugin."""
+    """Its name is the module's, so that `-p plumb.pytest_plugin` in addition is no second plugin."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert project["entry-points"]["pytest11"] == {"plumb.pytest_plugin": "plumb.pytest_plugin"}
 

@@ -34,7 +34,7 @@ def run(
     for name, text in cases.items():
         (tests / name).write_text(text)
     command = [sys.executable, "-m", "pytest", "-ra", "-p", "no:cacheprovider", "--continue-on-collection-errors"]
-    command += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # an editable install's, told too
+    command += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # an editable install's, reported too
     environment = {**os.environ, "PLUMB_NO_SKIPS": no_skips, "PLUMB_LONG": long}
     return subprocess.run(
         [*command, *options, "tests"], cwd=folder, env=environment, capture_output=True, text=True, timeout=120

@@ -130,7 +130,7 @@ def test_doctor_names_image_commit_and_systems(built: Built, tmp_path: Path) -> 
 def test_flash_has_help_and_names_the_packaged_images(built: Built, tmp_path: Path) -> None:
     assert built.plumb("flash", "--help", cwd=tmp_path).returncode == 0
     done = built.plumb("flash", "--port", "none", "--image", "nosuch", cwd=tmp_path)
-    assert done.returncode == 2 and ", ".join(["the package has all", *images.beside_all(), "quad"]) in done.stderr
+    assert done.returncode == 2 and ", ".join(["the package has all", *images.left_out_of_all(), "quad"]) in done.stderr
 
 
 def test_without_images_one_sentence_says_what_is_missing(built: Built, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 
     tools/build_images.py                  every image
     tools/build_images.py quad vehicles    these
-    tools/build_images.py --beside-all     those of the systems that `all` leaves out, and their programs for QEMU
+    tools/build_images.py --left-out       those of the systems that `all` leaves out, and their programs for QEMU
 
 The build holds each image to its budget and to the promises of tools/check_elf.py. Then the image boots on the virtual
 board and says which systems it holds. `all` is built in build/stm32f103, as by `make image`, the others in
@@ -78,9 +78,9 @@ def row(image: Image, path: Path) -> str:
     return f"{image.name:<12} {' '.join(f'{number:>6}' for number in used)}  {', '.join(image.systems)}"
 
 
-def build_beside_all() -> None:
+def build_left_out() -> None:
     """What stands for `all` where it leaves a system out; raises VerdictError when there is none."""
-    left_out = images.beside_all()
+    left_out = images.left_out_of_all()
     for image in left_out.values():
         build(image)
     if left_out:
@@ -104,11 +104,11 @@ def rows(chosen: list[Image]) -> Iterator[str]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help="images to build; all of them without a name")
-    parser.add_argument("--beside-all", action="store_true", help="of the systems that `all` leaves out, with QEMU's")
+    parser.add_argument("--left-out", action="store_true", help="of the systems that `all` leaves out, with QEMU's")
     options = parser.parse_args()
     try:
-        if options.beside_all:
-            build_beside_all()
+        if options.left_out:
+            build_left_out()
             return 0
         if shutil.which(COMPILER) is None:
             raise UsageError(f"{COMPILER} is not installed; install gcc-arm-none-eabi")

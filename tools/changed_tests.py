@@ -3,7 +3,7 @@
 usage: .venv/bin/python tools/changed_tests.py [COMMIT]     what differs from COMMIT (default: HEAD), new files included
 
 A change of firmware/ runs from the kernels upwards; one of another folder (tools, docs, examples, the build) runs the
-tests that stand beside the floors. A changed test runs with the rest of its folder.
+tests outside the floors. A changed test runs with the rest of its folder.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def wanted(paths: set[str], order: list[str]) -> list[str]:
             case ["tests", folder, *_] if (TESTS / folder).exists():
                 found.add(f"tests/{folder}")
     above = {f"tests/{floor}" for floor in order[lowest:] if (TESTS / floor).is_dir()}
-    beside = {f"tests/{path.name}" for path in TESTS.glob("test_*.py")} if paths else set()
-    return sorted(found | above | beside)
+    others = {f"tests/{path.name}" for path in TESTS.glob("test_*.py")} if paths else set()
+    return sorted(found | above | others)
 
 
 if __name__ == "__main__":

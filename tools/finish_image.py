@@ -54,7 +54,7 @@ def objcopy(*arguments: str) -> None:
 
 
 def finish(path: Path, image: bytes) -> None:
-    """Write the checksum into the ELF file, then .bin and .hex beside it."""
+    """Write the checksum into the ELF file, then .bin and .hex into the same folder."""
     checksum = struct.pack("<I", zlib.crc32(image[:-4]))
     with tempfile.NamedTemporaryFile(dir=path.parent) as word:
         word.write(checksum)

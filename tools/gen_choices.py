@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Accuracy against cycles: measure the choices of the core beside their alternatives, and draw them.
+"""Accuracy against cycles: measure the choices of the core and their alternatives, and draw them.
 
 usage: .venv/bin/python tools/gen_choices.py [--check [--kernels]]
 
@@ -176,11 +176,13 @@ def one_axis(image: Image) -> Iterator[Choice]:
 def three_axes(image: Image) -> Iterator[Choice]:
     """Estimators of the vertical on the prescribed motions of `plumb compare --motions`."""
     seeds = range(motions.FIRST_SEED, motions.FIRST_SEED + 2)
-    told = compare([motions.of_motion(name, seeds) for name in motions.MOTIONS], contenders(THREE_AXES), lambda: None)
+    compared = compare(
+        [motions.of_motion(name, seeds) for name in motions.MOTIONS], contenders(THREE_AXES), lambda: None
+    )
     name = next(iter(motions.MOTIONS))
     samples = sampled(motions.prescribed(name, motions.FIRST_SEED), SIXTEEN_BITS, 1)
     for system in THREE_AXES:
-        part, means = load(system, COMPARE), [one.means(system) for one in told]
+        part, means = load(system, COMPARE), [one.means(system) for one in compared]
         inputs, params = part.inputs(samples), part.params(samples)
         cycles = worst_step(
             image,

@@ -319,7 +319,7 @@ def main() -> int:
                         main = limited_by(task.system)
                         print(f"{task.system} {task.scenario}, {tuning}, {task.loop} loop, {task.seconds or 'whole'}, "
                               f"seed {task.seed}: {value:.3g} {main.unit}{main.how}, "
-                              f"{limit.beside(value, main)}")  # fmt: skip
+                              f"{limit.as_text(value, main)}")  # fmt: skip
         print(f"{sum(len(found) for _, found in rows)} runs, {missed} outside their limits")
         return 1 if missed else 0
     for name in given.system:

@@ -144,7 +144,7 @@ class Scene:
     def __init__(self) -> None:
         self.board = UartBoard(seed=1)
         self.lines: list[str] = []
-        self.heard: dict[str, dict[str, int]] = {}
+        self.received: dict[str, dict[str, int]] = {}
         self._counter: dict[int, int] = {}
 
     def _note(self, mark: str, line: bytes) -> None:
@@ -164,8 +164,8 @@ class Scene:
             text = f"{text:<24}{' '.join([message.name, *flags])}: {', '.join(shown)}".rstrip(": ")
         self.lines.append(f"{mark} {text}")
 
-    def _hear(self, text: bytes) -> dict[str, dict[str, int]]:
-        heard = {}
+    def _decode(self, text: bytes) -> dict[str, dict[str, int]]:
+        received = {}
         for line in re.findall(rb"[^\r\a]*[\r\a]", text):
             if line == b"\a":
                 self.lines.append("< BEL")
@@ -173,16 +173,16 @@ class Scene:
             frame = frame_of_line(line[:-1])
             if frame is not None:
                 name = protocol().by_identifier[frame[0]].name
-                heard[name] = protocol()[name].decode(frame[1])
+                received[name] = protocol()[name].decode(frame[1])
                 if name in PERIODIC:
                     continue
             self._note("<", line[:-1])
-        return heard
+        return received
 
     def text(self, text: bytes, turns: int = 3) -> None:
         for line in text.split(b"\r")[:-1]:
             self._note(">", line)
-            self._hear(self.board.say(line + b"\r", turns))
+            self._decode(self.board.say(line + b"\r", turns))
 
     def say(self, name: str, *words: int, flags: int = 0, counter: int | None = None, turns: int = 3) -> dict[str, int]:
         """Send one frame; returns the words of the last frame received."""
@@ -192,9 +192,9 @@ class Scene:
         data = message.pack(own if counter is None else counter, flags, *words)
         line = text_of_frames([(message.identifier, data)])
         self._note(">", line[:-1])
-        self.heard = heard = self._hear(self.board.say(line, turns))
-        asked = [name for name in heard if name not in PERIODIC]
-        return heard[asked[-1]] if asked else {}
+        self.received = received = self._decode(self.board.say(line, turns))
+        asked = [name for name in received if name not in PERIODIC]
+        return received[asked[-1]] if asked else {}
 
     def remark(self, text: str) -> None:
         self.lines.append(f"  ({text})")
@@ -208,7 +208,7 @@ class Scene:
     def rest(self, time_us: int) -> None:
         """Let time pass; frames of the board in it are left out of the transcript."""
         self.board.run_us(time_us)
-        self.board.heard()
+        self.board.received()
         self.lines.append("< ...")
 
     def begin(self, run: str) -> None:
@@ -269,12 +269,12 @@ def arm(scene: Scene) -> None:
     scene.rest(700_000)
     nonce = scene.say("CHALLENGE", verb, ASKER)["nonce"]
     scene.say("EXECUTE", verb, nonce ^ ASKER)
-    arming, value = scene.heard["ACK"]["detail"] & 0xFFFF, scene.heard["KEEPALIVE_VALUE"]["value"]
+    arming, value = scene.received["ACK"]["detail"] & 0xFFFF, scene.received["KEEPALIVE_VALUE"]["value"]
     value = scene.say("KEEPALIVE", arming, value, turns=115)["value"]
     value = scene.say("KEEPALIVE", arming, value, turns=115)["value"]
     scene.remark("silence: 43 ms after the last keep-alive that counted the board is disarmed")
     scene.board.run_us(45_000)
-    scene._hear(scene.board.heard())
+    scene._decode(scene.board.received())
     scene.say("KEEPALIVE", arming, value, turns=115)
     scene.remark("too late, latched: only a new EXECUTE with a new nonce arms again")
 

@@ -27,7 +27,7 @@ INK, FAINT, PAPER = "#1d2430", "#58626f", "#ffffff"
 WIDTH, PITCH, TOP, HEAD, GAP = 1240, 24, 116, 28, 10
 BOARD_X, BOARD_WIDTH, BOX_X, BOX_WIDTH = 520, 200, 24, 280
 SUPPLY_WIDTH = 84
-"""Width beside a box that is kept free of wires for the names of supplies."""
+"""Width next to a box that is kept free of wires for the names of supplies."""
 
 
 STRAP_TIES = {

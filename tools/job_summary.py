@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Markdown of one build: flash, RAM and stack by module beside their limits, and the cycles of the kernels.
+"""Markdown of one build: flash, RAM and stack by module with their limits, and the cycles of the kernels.
 
     tools/job_summary.py >>"$GITHUB_STEP_SUMMARY"
 
@@ -28,7 +28,7 @@ def table(head: list[str], rows: Iterable[list[object]]) -> list[str]:
 
 
 def sizes(path: Path) -> list[str]:
-    """The tables of tools/size_table.py: the image beside its limits, then modules by flash."""
+    """The tables of tools/size_table.py: the image with its limits, then modules by flash."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -45,7 +45,7 @@ def judge(chosen: Sequence[Mutant], folder: Path) -> tuple[int, dict[Mutant, str
             killed += 1
             library.unlink()
     print(f"{killed} are killed by the vectors; the tests try {len(passed)} others", flush=True)
-    others = other_killers(list(passed.values()), folder / "told.txt") if passed else {}
+    others = other_killers(list(passed.values()), folder / "report.txt") if passed else {}
     found = {mutant: others[library] for mutant, library in passed.items()}
     for mutant, other in found.items():
         print(f"{mutant}: {other or 'nothing notices it'}", flush=True)

@@ -132,8 +132,8 @@ def residuals(kind: str, trials: int, seed: int) -> int:
         ends = np.full((count, 1), ord("\r"), np.uint8)
         found, _ = parse(b"\r" + np.hstack([damaged, ends]).tobytes())
         if found:
-            heard = np.frombuffer(text_of_frames(found), f"S{_LINE}")
-            accepted += int((~np.isin(heard, lines.view(f"S{_LINE}"))).sum())
+            received = np.frombuffer(text_of_frames(found), f"S{_LINE}")
+            accepted += int((~np.isin(received, lines.view(f"S{_LINE}"))).sum())
     return accepted
 
 

@@ -120,12 +120,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--out", type=Path, default=ROOT / "host" / "plumb" / "images", help="folder to write")
     parser.add_argument("--release", type=Path, metavar="DIR", help="also write .bin, .elf, .hex and SHA256SUMS there")
-    parser.add_argument("--images", nargs="*", metavar="NAME", help="these images, besides those of all systems")
+    parser.add_argument("--images", nargs="*", metavar="NAME", help="these images, in addition to those of all systems")
     parser.add_argument("--unchecked", action="store_true", help="skip the golden check; the manifest says so")
     options = parser.parse_args()
     try:
         chosen = images.images() if options.images is None else options.images
-        names = dict.fromkeys([images.ALL, *images.beside_all(), *chosen])
+        names = dict.fromkeys([images.ALL, *images.left_out_of_all(), *chosen])
         for row in package(list(names), options.out, options.release, options.unchecked):
             passed = row["golden"]
             proof = f"{passed['vectors']} golden vectors" if isinstance(passed, dict) else "not checked"

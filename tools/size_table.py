@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Table of flash, RAM and stack of the image by module and function, with its budget, and the difference to a commit.
 
-    tools/size_table.py build/stm32f103/firmware.elf                       the modules, and firmware.size.json beside it
-    tools/size_table.py build/stm32f103/firmware.elf --functions           every function too
+    tools/size_table.py build/stm32f103/firmware.elf                       the modules, and firmware.size.json in its
+    folder tools/size_table.py build/stm32f103/firmware.elf --functions           every function too
     tools/size_table.py build/stm32f103/firmware.elf --against HEAD~1      what differs from that commit
 
-Addresses come from the linker map (firmware.map beside the ELF file) and, for code optimised at link time, from the
-debug information; the stack comes from the call graph of the machine code. The other commit is checked out of git and
-built with the same compiler, so that no table that could be stale is kept in the tree.
+Addresses come from the linker map (firmware.map in the folder of the ELF file) and, for code optimised at link time,
+from the debug information; the stack comes from the call graph of the machine code. The other commit is checked out of
+git and built with the same compiler, so that no table that could be stale is kept in the tree.
 `--against previous` is the last commit where this one is as committed, else HEAD.
 
 Exit code 0: done. 1: a limit is exceeded. 2: it cannot be read, or the other commit cannot be built.
@@ -122,7 +122,7 @@ def sizes_of(elf: Path) -> Sizes:
 
 
 def module_table(sizes: Sizes, functions: bool) -> list[str]:
-    """A line a module, and where asked one a function, by folder; the totals beside their limits."""
+    """A line a module, and where asked one a function, by folder; the totals with their limits."""
     lines = [f"{'module':<34} {'flash':>6} {'ram':>6} {'stack':>6}"]
     for name in sorted(sizes["modules"]):
         module = sizes["modules"][name]
@@ -204,7 +204,7 @@ def image_of(revision: str) -> tuple[str, Path]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("image", type=Path, help="firmware.elf, with firmware.map beside it")
+    parser.add_argument("image", type=Path, help="firmware.elf, with firmware.map in its folder")
     parser.add_argument("--functions", action="store_true", help="a line for every function and variable too")
     parser.add_argument("--against", metavar="REV", help="compare with this commit; `previous`: the one before")
     options = parser.parse_args()

@@ -71,7 +71,7 @@ KERNEL uint32_t stopped_by(const plumb_wheels_words_t *w, uint32_t flags, bool o
 }
 
 /* How far the speed of these counts is from one that is felt, m/s Q26. */
-KERNEL uint32_t beside(const plumb_wheel_params_t *p, int32_t counts, int32_t felt) {
+KERNEL uint32_t residual(const plumb_wheel_params_t *p, int32_t counts, int32_t felt) {
     return abs_u32(sub_wrap(clamp_i32(counts, -p->edges_max, p->edges_max) * p->edge_mps_q26, felt));
 }
 
@@ -88,7 +88,7 @@ KERNEL int32_t both(const plumb_wheels_words_t *w, const plumb_params_t *p, int3
     const int32_t felt = w->wheel.velocity_mps_q26 + w->apart_mps_q26;
     if (one)
         return w->right_steps >= dead ? by_left : by_right;
-    return beside(&p->wheel, by_left, felt) <= beside(&p->wheel, by_right, felt) ? by_left : by_right;
+    return residual(&p->wheel, by_left, felt) <= residual(&p->wheel, by_right, felt) ? by_left : by_right;
 }
 
 #endif

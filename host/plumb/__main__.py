@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return _run([argument for argument in arguments if argument != "--debug"])
     except (Exception, KeyboardInterrupt) as error:
-        if isinstance(error, BrokenPipeError) and (not _told_everything() or _reader_left()):
+        if isinstance(error, BrokenPipeError) and (not _flush_stdout() or _reader_left()):
             return ExitCode.OUTPUT_NOT_READ  # for example `plumb monitor | head`
         if "--debug" in arguments:
             import traceback
@@ -102,7 +102,7 @@ def _say(text: str) -> None:
         _to_nowhere(2)
 
 
-def _told_everything() -> bool:
+def _flush_stdout() -> bool:
     """Whether stdout takes what is left. If not, the rest goes nowhere, or Python would trip over it at exit."""
     try:
         sys.stdout.flush()
@@ -138,8 +138,8 @@ def _quit_at_once(_number: int, _frame: object) -> None:
 
 
 def _open_closed_streams() -> None:
-    """What the caller closed (`plumb ... >&-`) leads to nowhere: else the next file or port that is opened gets the
-    descriptor, and with it what is printed."""
+    """Open the null device for each stream that the caller closed (`plumb ... >&-`): else the next file or port that is
+    opened gets the descriptor, and with it what is printed."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):  # the lowest free descriptor is the next's
         if getattr(sys, name) is None:
             descriptor = os.open(os.devnull, os.O_RDWR)
@@ -175,7 +175,7 @@ def entry() -> None:
     if takes_interrupts:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
-        _told_everything()
+        _flush_stdout()
     except OSError as error:
         _say(f"plumb: the output cannot be written: {error.strerror}; choose another place for it")
         _to_nowhere(1)

@@ -1,4 +1,4 @@
-"""Where this package lies, and the checkout around it where there is one."""
+"""The folder of this package, and the checkout around it if there is one."""
 
 from __future__ import annotations
 

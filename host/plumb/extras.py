@@ -1,7 +1,7 @@
 """How to install plumb's optional dependencies.
 
 The distribution is called plumb-imu: on PyPI, `plumb` is another project. In a checkout an extra is installed from
-there; beside an installed wheel pip reads the extra from what is installed.
+there; where a wheel is installed, pip reads the extra from its metadata.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 LIKENESS = 0.6
-"""Of two names that are taken for the same, as difflib measures it."""
+"""Similarity of two names that are taken for the same, as difflib measures it."""
 LONGEST = 60
 """Characters of a name that is compared: longer ones are no slip of the finger."""
 

@@ -18,7 +18,7 @@ from plumb.checkout import CHECKOUT, IN_CHECKOUT, PACKAGE
 FALLBACK = "0.1.0"
 """Version of the next release while no tag is on the way to this commit; that of the C library (plumb/version.h)."""
 BUILT = "built.json"
-"""Written into the wheel and the sdist beside this file: {"version", "git_hash", "git_dirty"}."""
+"""Written into the wheel and the sdist, in the folder of this file: {"version", "git_hash", "git_dirty"}."""
 HASH_DIGITS = 16
 _TAGGED = re.compile(r"v(\d+)\.(\d+)\.(\d+)-(\d+)-g([0-9a-f]+)")
 
@@ -37,7 +37,7 @@ class Version(NamedTuple):
 
 
 def from_git(root: Path) -> Version | None:
-    """What git says of a checkout; None where `root` is no checkout, or there is no git."""
+    """State of a checkout from git; None if `root` is no checkout, or there is no git."""
     if not (root / ".git").exists():
         return None
     commit = _git(root, "rev-parse", f"--short={HASH_DIGITS}", "HEAD")
@@ -60,7 +60,8 @@ def version_of(described: str) -> str:
 
 
 def from_built(folder: Path) -> Version | None:
-    """What the build of the wheel or sdist wrote into the package's folder; None without a file that can be read."""
+    """Version data that the build of the wheel or sdist wrote into the package's folder; None without a readable
+    file."""
     try:
         built = json.loads((folder / BUILT).read_text(encoding="ascii"))
         return Version(str(built["version"]), str(built["git_hash"]), bool(built["git_dirty"]))

@@ -94,7 +94,7 @@ def test_the_stick_is_the_lean_that_is_asked_for() -> None:
 def test_the_command_prints_what_sets_them(capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--board", "native", "--system", "quadrotor", "--periods", "3", "--phase-deg", "45", "--gain-db", "8"]
     assert front.main(["tune", "pid", *options, "--delay-ms", "30", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    report = json.loads(capsys.readouterr().out)
     names = ["rates.roll.kp_per_dps", "rates.roll.ki_per_deg", "rates.roll.kd_per_dps2", "level.gain_per_s"]
-    assert list(told["settings"]) == names and told["met"] and told["warnings"] == []
-    assert told["apply"][0].startswith("plumb params set rates.roll.kp_per_dps=")
+    assert list(report["settings"]) == names and report["met"] and report["warnings"] == []
+    assert report["apply"][0].startswith("plumb params set rates.roll.kp_per_dps=")

@@ -182,7 +182,7 @@ def test_starts_inside_a_motion_are_scored_from_2_to_10_s_and_after() -> None:
     assert [int(np.sum(one.scored)) for one in later] == [3000, 3000, 3000, 2000, 1000]
 
 
-def test_sigma_is_shown_beside_the_error() -> None:
+def test_sigma_is_shown_with_the_error() -> None:
     row = row_of("one", "swing", 0, np.array([1.0, 1.0, 4.0, 2.0]), np.array([1.0, 0.5, 1.0, 1.5]))
     assert (row.sigma_deg, row.beyond_3_sigma) == (1.0, 0.25)
     assert row_of("one", "swing", 0, np.ones(4), None).sigma_deg is None
@@ -192,9 +192,9 @@ def test_an_input_says_which_algorithm_cannot_learn_its_bias() -> None:
     pytest.importorskip("vqf", reason="vqf is not installed: the extra compare")
     algorithms = contenders()
     assert not of_recordings([swing()], grades.AS_RECORDED, 1).outside(algorithms)
-    told = of_recordings([swing()], "bias", 1).outside(algorithms)
-    assert list(told) == ["VQF", "BasicVQF", "Madgwick"]
-    assert told["VQF"] == "VQF has a limit of 2 deg/s of the gyro's bias, which is 4 deg/s an axis"
+    outside = of_recordings([swing()], "bias", 1).outside(algorithms)
+    assert list(outside) == ["VQF", "BasicVQF", "Madgwick"]
+    assert outside["VQF"] == "VQF has a limit of 2 deg/s of the gyro's bias, which is 4 deg/s an axis"
     assert "VQF" not in of_recordings([swing()], "mpu6050", 1).outside(algorithms)
     with pytest.raises(UsageError, match=r"^there is no algorithm 'AHRS' to compare; there are VQF, BasicVQF, "):
         contenders(["AHRS"])

@@ -26,14 +26,14 @@ Counts = npt.NDArray[np.int16]
 
 
 class Fixed:
-    """Says the same vertical always; notes what it is told of the thrust."""
+    """Says the same vertical always; notes the thrust commands that it gets."""
 
-    def __init__(self, up: Sequence[float], runs: int, told: list[float]) -> None:
-        self._up, self._told = np.tile(up, (runs, 1)), told
+    def __init__(self, up: Sequence[float], runs: int, thrusts: list[float]) -> None:
+        self._up, self._thrusts = np.tile(up, (runs, 1)), thrusts
 
     def step(self, counts: Counts, thrust: FloatArray) -> FloatArray:
         assert counts.shape == (len(self._up), 6)
-        self._told.append(float(thrust[0]))
+        self._thrusts.append(float(thrust[0]))
         return self._up
 
     def sigma_deg(self) -> FloatArray:
@@ -43,11 +43,11 @@ class Fixed:
         return 0
 
 
-def saying(up: Sequence[float], told: list[float] | None = None) -> Estimator:
-    heard: list[float] = [] if told is None else told
+def saying(up: Sequence[float], thrusts: list[float] | None = None) -> Estimator:
+    noted: list[float] = [] if thrusts is None else thrusts
 
     def begin(_grade: ImuGrade, _frame: Airframe, _period_us: int, runs: int) -> Flown:
-        return Fixed(up, runs, heard)
+        return Fixed(up, runs, noted)
 
     return Estimator("fixed", "test", "", "", None, begin)
 
@@ -79,18 +79,18 @@ def test_the_mixer_makes_the_thrust_and_the_torque_that_are_asked_for(frame: Air
     assert pushed[1, 0] > 0.0
 
 
-def test_a_told_drag_reaches_the_estimator(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[float] = []
+def test_a_drag_setting_reaches_the_estimator(monkeypatch: pytest.MonkeyPatch) -> None:
+    thrusts: list[float] = []
 
     def begin(_grade: ImuGrade, frame: Airframe, _period_us: int, runs: int) -> Flown:
-        told.append(frame.drag_setting_per_s)
+        thrusts.append(frame.drag_setting_per_s)
         return Fixed((0.0, 0.0, 1.0), runs, [])
 
     noting = Estimator("noting", "test", "", "", None, begin)
     monkeypatch.setitem(FLIGHTS, "iris", short("iris", 0.1))
     inputs.flown("iris", [1000], [noting], lambda _: None)
     inputs.flown("iris", [1000], [noting], lambda _: None, 0.4)
-    assert told == [0.5, 0.4]
+    assert thrusts == [0.5, 0.4]
 
 
 def test_commands_stay_within_their_range() -> None:
@@ -103,16 +103,16 @@ def test_commands_stay_within_their_range() -> None:
 
 
 def test_an_estimate_that_never_changes_crashes_and_is_scored_until_then() -> None:
-    told: list[float] = []
-    (flew,) = fly(short("calm-centred", 14.0), [1000, 1001], [saying((0.3, 0.0, 0.954), told)])
+    thrusts: list[float] = []
+    (flew,) = fly(short("calm-centred", 14.0), [1000, 1001], [saying((0.3, 0.0, 0.954), thrusts)])
     assert flew.crashed.all() and flew.sigma_deg is not None and flew.sigma_deg.shape == flew.errors_deg.shape
     assert not np.isfinite(flew.errors_deg[-1]).any()
     at_rest = round(5.0 / 0.0025)
-    assert set(told[:at_rest]) == {0.0} and 0.3 < told[at_rest + 1] < 0.6
+    assert set(thrusts[:at_rest]) == {0.0} and 0.3 < thrusts[at_rest + 1] < 0.6
 
 
 @pytest.mark.slow
-def test_a_seed_is_the_same_flight_every_time_and_whatever_flies_beside_it() -> None:
+def test_a_seed_is_the_same_flight_whatever_other_seeds_fly() -> None:
     pytest.importorskip("vqf", reason="vqf is not installed: the extra compare")
     flight, both = short("wind-5-place", 11.0), estimators(["VQF", "attitude"])
     first, again = fly(flight, [1000, 1001], both), fly(flight, [1000, 1001], both)
@@ -146,7 +146,7 @@ def test_rivals_err_in_flight_by_what_they_take_for_the_vertical() -> None:
 
 @pytest.mark.slow
 def test_a_take_off_ends_on_the_ground() -> None:
-    told: list[float] = []
+    thrusts: list[float] = []
     inner = next(one for one in estimators(["attitude"]))
 
     class Noting:
@@ -155,13 +155,13 @@ def test_a_take_off_ends_on_the_ground() -> None:
             self.sigma_deg, self.restarts = flown.sigma_deg, flown.restarts
 
         def step(self, counts: Counts, thrust: FloatArray) -> FloatArray:
-            told.append(float(thrust[0]))
+            thrusts.append(float(thrust[0]))
             return self._flown.step(counts, thrust)
 
     noting = replace(inner, begin=lambda *given: Noting(inner.begin(*given)))
     (flew,) = fly(short("take-off-slope", 44.0), [1000], [noting])
     assert not flew.crashed.any() and rms_deg(flew) < 3.0
-    assert told[-1] == 0.0 and 0.3 < told[round(20.0 / 0.0025)] < 0.6 and told[round(4.9 / 0.0025)] == 0.0
+    assert thrusts[-1] == 0.0 and 0.3 < thrusts[round(20.0 / 0.0025)] < 0.6 and thrusts[round(4.9 / 0.0025)] == 0.0
 
 
 def test_pilots_ask_for_what_their_titles_say() -> None:
@@ -198,12 +198,12 @@ def test_flights_are_rows_of_the_comparison(
     monkeypatch.setitem(FLIGHTS, "calm-centred", short("calm-centred", 10.5))
     options = ["--flights", "--only", "calm-centred", "--seeds", "2", "--algorithm", "VQF", "--algorithm", "attitude"]
     assert front.main(["compare", *options, "--json"]) == 0
-    (told,) = json.loads(capsys.readouterr().out)["inputs"]
-    assert told["input"] == "calm-centred" and list(told["means_deg"]) == ["VQF", "attitude"]
-    assert [(row["seed"], row["algorithm"]) for row in told["rows"]] == [
+    (thrusts,) = json.loads(capsys.readouterr().out)["inputs"]
+    assert thrusts["input"] == "calm-centred" and list(thrusts["means_deg"]) == ["VQF", "attitude"]
+    assert [(row["seed"], row["algorithm"]) for row in thrusts["rows"]] == [
         (1000, "VQF"), (1000, "attitude"), (1001, "VQF"), (1001, "attitude"),
     ]  # fmt: skip
-    assert told["flown"][1] == {"algorithm": "attitude", "crashes": 0, "restarts": 0, "flights": 2}
+    assert thrusts["flown"][1] == {"algorithm": "attitude", "crashes": 0, "restarts": 0, "flights": 2}
     assert front.main(["compare", *options]) == 0
     assert "Flights that crashed / in which the estimator began again" in capsys.readouterr().out
     assert front.main(["compare", "--flights", "--motions"]) == 2

@@ -51,7 +51,7 @@ def log(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return log_of_counts(tmp_path_factory.mktemp("log") / "flight.plog", params, raw, setpoint=setpoint)
 
 
-def test_a_flight_tells_the_plant_that_a_test_of_the_loop_tells(flight: Flight) -> None:
+def test_a_flight_and_a_test_of_the_loop_give_the_same_plant(flight: Flight) -> None:
     now = pid_tuning.tune(flown_loop.flown(*flight, "roll"), WANTED, design=False)
     excited = plant_fit.excitation(PERIOD_US * 1e-6, 8.0)
     tested = plant_fit.fit(on_twin(NativeBoard(), flight[0], excited, 3, 1000, "roll").measurement()).plant
@@ -65,8 +65,8 @@ def test_a_flight_tells_the_plant_that_a_test_of_the_loop_tells(flight: Flight) 
 def test_gains_for_a_flown_loop_have_the_margins_that_are_wanted(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wanted = ["--phase-deg", "45", "--gain-db", "8", "--delay-ms", "30"]
     assert front.main(["tune", "pid", str(log), "--loop", "pitch", *wanted, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["met"] and told["margins"]["phase_deg"] >= 0.99 * 45.0, told["margins"]
+    report = json.loads(capsys.readouterr().out)
+    assert report["met"] and report["margins"]["phase_deg"] >= 0.99 * 45.0, report["margins"]
 
 
 def test_the_log_has_the_flight(log: Path, flight: Flight) -> None:

@@ -62,7 +62,7 @@ class Flights:
 
 
 def flights(scenario: str, frame: Airframe, tuning: QuadrotorTuning, runs: int, seconds: float, wind: float) -> Flights:
-    """Flights with an estimator that is told no drag; the thrust of a hover, because they begin in the air."""
+    """Flights with an estimator whose drag is set to 0; the thrust of a hover, because they begin in the air."""
     aid = replace(tuning.attitude.aid, drag_per_s=0.0, hover=frame.hover_command)
     tuning = replace(tuning, period_us=PERIOD_US, attitude=replace(tuning.attitude, aid=aid))
     drawn = [scenarios.scenario(scenario, seed, seconds=seconds, period_us=PERIOD_US) for seed in range(runs)]
@@ -95,7 +95,7 @@ def flown(request: pytest.FixtureRequest) -> Flights:
 
 
 @pytest.mark.slow
-def test_the_truth_is_within_the_stated_interval_and_the_interval_tells_something(flown: Flights) -> None:
+def test_the_truth_is_within_the_stated_interval_and_the_interval_is_narrow(flown: Flights) -> None:
     fits = [flown.fit(run) for run in range(RUNS)]
     assert sum(fit.drag_per_s.holds(flown.true_drag_per_s(run)) for run, fit in enumerate(fits)) >= 0.9 * RUNS
     assert sum(fit.hover.holds(flown.frame.hover_command) for fit in fits) >= 0.9 * RUNS
@@ -105,7 +105,7 @@ def test_the_truth_is_within_the_stated_interval_and_the_interval_tells_somethin
 
 @pytest.mark.slow
 def test_the_drag_is_that_of_rotors_and_frame(flown: Flights) -> None:
-    """More than that of the rotors alone, and near what the estimator of this frame is told."""
+    """More than that of the rotors alone, and near the setting of this frame's estimator."""
     found = np.mean([flown.fit(run).drag_per_s.value for run in range(RUNS)])
     assert flown.frame.drag_per_s < found
     assert found == pytest.approx(flown.frame.drag_setting_per_s, rel=0.25)
@@ -126,12 +126,15 @@ def test_the_command_takes_a_log_and_gives_the_lines_that_set_it(
 ) -> None:
     log = log_of_counts(tmp_path / "flight.plog", flown.params, flown.raw[:, 0], setpoint=flown.throttle[:, 0])
     assert front.main(["tune", "vehicle", str(log), "--json"]) == 0
-    told, fit = json.loads(capsys.readouterr().out), flown.fit(0)
-    assert told["settings"] == {"attitude.aid.drag_per_s": fit.drag_per_s.value, "attitude.aid.hover": fit.hover.value}
-    assert told["drag_per_s"]["low"] < told["drag_per_s"]["value"] < told["drag_per_s"]["high"]
+    report, fit = json.loads(capsys.readouterr().out), flown.fit(0)
+    assert report["settings"] == {
+        "attitude.aid.drag_per_s": fit.drag_per_s.value,
+        "attitude.aid.hover": fit.hover.value,
+    }
+    assert report["drag_per_s"]["low"] < report["drag_per_s"]["value"] < report["drag_per_s"]["high"]
     assert front.main(["tune", "vehicle", str(log), "--write"]) == 2
     assert "--write and --board B go together" in capsys.readouterr().err
-    assert told["apply"][0].startswith("plumb params set attitude.aid.drag_per_s=")
+    assert report["apply"][0].startswith("plumb params set attitude.aid.drag_per_s=")
 
 
 def test_what_was_found_is_set_on_a_board_and_saved(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -121,7 +121,7 @@ def test_lines_that_only_a_disturbance_moves_are_left_out() -> None:
     assert 36.0 < margins.phase_deg < 43.0
 
 
-def test_steps_of_the_setpoint_tell_gain_and_lag_too() -> None:
+def test_steps_of_the_setpoint_determine_gain_and_lag_too() -> None:
     excited = plant_fit.excitation(quad.HOLD.period_s, 6.0, plant_fit.STEP)
     assert set(np.unique(excited.setpoint_deg)) == {-6.0, 6.0} and all(line % 2 for line in excited.lines.tolist())
     with NativeBoard() as board:
@@ -189,7 +189,7 @@ def test_the_flash_image_is_tested_armed_and_ends_disarmed(monkeypatch: pytest.M
 
 
 @pytest.mark.slow
-def test_a_board_slower_than_real_time_is_told_and_ends_disarmed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_board_slower_than_real_time_is_reported_and_ends_disarmed(monkeypatch: pytest.MonkeyPatch) -> None:
     """By a clock of the host that goes twice as fast as the board's: half of real time."""
     from plumb.boards.virtual import VirtualBoard
 

@@ -83,7 +83,7 @@ def test_noise_that_is_not_there_is_not_claimed() -> None:
     assert 0.0 < model.walk.high < 0.01 and 0.0 < model.flicker.high < 0.02
 
 
-def test_a_line_in_the_spectrum_is_told() -> None:
+def test_a_line_in_the_spectrum_is_reported() -> None:
     rng = np.random.default_rng(5)
     signal = white(rng, 20_000, WHITE)
     clean = noise_fit.Spectrum(signal, PERIOD_S)
@@ -96,7 +96,7 @@ def test_a_line_in_the_spectrum_is_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("signal", "sentence"), [(np.zeros(1000), "does not change"), (np.ones(100), "too few to tell noise")]
+    ("signal", "sentence"), [(np.zeros(1000), "does not change"), (np.ones(100), "too few to measure noise")]
 )
 def test_signal_without_noise_is_refused(signal: FloatArray, sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):

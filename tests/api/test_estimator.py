@@ -87,7 +87,7 @@ def test_steps_equal_a_run_and_the_integer_model(system: str) -> None:
     assert (model.record == whole.words.record).all()
 
 
-def test_full_scale_is_clamped_and_told() -> None:
+def test_full_scale_is_clamped_and_reported() -> None:
     angle, rate = rocking(50)
     gyr, acc = body("x", angle, rate)
     gyr[20, 0] = np.radians(300.0)

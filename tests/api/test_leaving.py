@@ -20,7 +20,7 @@ from plumb.link.session import Session
 
 NEUTRAL_US = 1000.0
 SETTLE_US = 25_000
-"""More than a frame of pulses, and less than the 40 ms after which a board disarms that hears nothing."""
+"""More than a frame of pulses, and less than the 40 ms after which a board without keep-alive disarms."""
 LISTEN_S = 0.3
 
 
@@ -54,7 +54,7 @@ class Outside:
             self._board.machine.advance_us(time_us)
 
     def disarm_cause(self) -> list[str]:
-        """What a host that connects now is told."""
+        """The report to a host that connects now."""
         board = self._board
         session = Session.open(board.mcu.uart) if isinstance(board, NativePort) else board.reconnect()
         monitor = Monitor(session)

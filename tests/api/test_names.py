@@ -26,7 +26,7 @@ def test_a_public_name_is_there_and_documented(name: str) -> None:
     assert found.__doc__ and name in dir(plumb)
 
 
-def test_submodules_are_found_beside_the_names() -> None:
+def test_submodules_are_found_as_well_as_the_names() -> None:
     assert importlib.import_module("plumb.api.golden") is plumb.golden
     with pytest.raises(AttributeError, match="'plumb' has no attribute 'estimator'"):
         _ = plumb.estimator  # type: ignore[attr-defined]

@@ -22,7 +22,7 @@ def test_a_signal_has_one_name_a_unit_as_key_and_as_attribute() -> None:
     assert dict(STEP) == STEP and {"tilt_deg", "tilt_rad"} <= set(dir(STEP))
 
 
-def test_a_wrong_name_is_told_with_the_nearest() -> None:
+def test_a_wrong_name_is_reported_with_the_nearest() -> None:
     with pytest.raises(KeyError, match=r"quad has no signal 'tilt_degs' \(did you mean tilt_deg\?\)"):
         STEP["tilt_degs"]
     with pytest.raises(AttributeError, match=r"did you mean tilt_rad\?"):

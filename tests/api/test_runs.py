@@ -47,7 +47,7 @@ def test_a_run_has_the_figures_of_the_command(capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize(
     ("tuning", "seed", "accuracy"), [("adaptive", 1001, "pass"), ("adaptive", 1000, "fail"), ("paper", 1001, "pass")]
 )
-def test_accuracy_stands_beside_bits(tuning: str, seed: int, accuracy: str) -> None:
+def test_accuracy_is_stated_with_bits(tuning: str, seed: int, accuracy: str) -> None:
     """Within the declared limit, outside it (which the mean of many seeds is to keep), and within a measured one."""
     result = plumb.run("quad", scenario="motion", tuning=tuning, seed=seed, open_loop=True)
     assert (result.bit_exact, result.verdict, result.accuracy) == (True, "pass", accuracy)

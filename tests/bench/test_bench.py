@@ -118,7 +118,7 @@ def test_a_budget_that_is_exceeded_is_seen() -> None:
         assert not dataclasses.replace(result(), image={**SIZES, key: size + 1}).within_budget
 
 
-def test_a_step_without_a_budget_is_told_as_a_share_of_the_shortest_period() -> None:
+def test_a_step_without_a_budget_is_a_share_of_the_shortest_period() -> None:
     own = {"plausibility_step": dataclasses.replace(GOOD, cycles_2ws_max=9000, max_err=0.0)}
     assert "25 % of 500 us" in BenchResult(own, SIZES, LIMITS, {}).render()
     wrong = {"plausibility_step": dataclasses.replace(GOOD, max_err=1.0)}

@@ -34,13 +34,13 @@ def test_an_idle_link_says_as_much_as_is_reckoned() -> None:
     board = UartBoard()
     with Session(PlumbBus(board)) as session:
         session.connect()
-        heard: list[int] = []
+        received: list[int] = []
         session.receive(0.2)
-        session.listener = lambda frames: heard.extend(identifier for identifier, _ in frames)
+        session.listener = lambda frames: received.extend(identifier for identifier, _ in frames)
         begin_us = board.time_us
         while board.time_us - begin_us < 2_000_000:
             session.receive(0.01)
-    counted = {name: heard.count(session.protocol[name].identifier) for name in PERIODIC}
+    counted = {name: received.count(session.protocol[name].identifier) for name in PERIODIC}
     expected = {name: 2 * (bus_load.TIME_PS if name == "TIME" else bus_load.STATUS_PS) for name in PERIODIC}
     for name, count in expected.items():
         assert abs(counted[name] - count) <= 1
@@ -51,7 +51,7 @@ def test_an_idle_link_says_as_much_as_is_reckoned() -> None:
     "kbit", [pytest.param(kbit, marks=[pytest.mark.long] * (kbit in (125, 500))) for kbit in bus_load.BITRATES_KBIT]
 )
 def test_a_bus_carries_the_steps_that_the_table_promises(kbit: int) -> None:
-    """And at twice the rate the board drops telemetry, counts it, and can still be told to stop."""
+    """And at twice the rate the board drops telemetry, counts it, and still accepts a command to stop."""
     pytest.importorskip("unicorn")
     from plumb.boards.virtual_can import MachineBus
     from plumb.boards.virtual_machine import open_machine
@@ -77,7 +77,7 @@ def test_a_bus_carries_the_steps_that_the_table_promises(kbit: int) -> None:
             while "COUNTERS" not in session.telemetry:
                 session.receive(0.01)
             before = session.telemetry["COUNTERS"]["dropped"]
-            for pause_s in (0.5, 0.25):  # in the run, and after it: what a full queue drops, it cannot tell at once
+            for pause_s in (0.5, 0.25):  # in the run, and after it: a full queue cannot report its drops at once
                 end_s = session.clock() + pause_s
                 while session.clock() < end_s:
                     session.receive(0.01)

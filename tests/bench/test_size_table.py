@@ -75,7 +75,7 @@ def test_no_tool_of_the_cross_compiler_is_asked(
 
 
 @needs_image
-def test_the_build_left_the_table_beside_the_image(tool: ModuleType) -> None:
+def test_the_build_left_the_table_in_the_folder_of_the_image(tool: ModuleType) -> None:
     left = json.loads(IMAGE.with_suffix(".size.json").read_text())
     assert left["totals"] == tool.sizes_of(IMAGE)["totals"]
     assert left["limits"] == Elf(IMAGE).limits

@@ -89,7 +89,7 @@ def test_an_input_at_a_rail(analog: Bench) -> None:
         analog.machine.adc[pin] = volts
         analog.run(capture, RAIL_S + 0.006)
         assert not analog.driving()
-        assert analog.told()[0] == f"input {pin} is at a rail"
+        assert analog.reported()[0] == f"input {pin} is at a rail"
         assert analog.faults() & SENSOR
         shown = next(iter(watch(analog.session, 0.2)))["faults"]
         assert shown[:2] == ["a sensor is lost or not to be trusted", f"input {pin} is at a rail"]
@@ -107,10 +107,10 @@ def test_a_rail_is_where_every_conversion_is(analog: Bench, log2: int) -> None:
     for volts in (3.3, 0.0):
         analog.machine.adc["PA1"] = lambda t_s, at=volts: 1.6 if t_s % 0.025 < 0.001 else at  # type: ignore[misc]
         analog.run(capture, 0.2)
-        assert analog.told() == []
+        assert analog.reported() == []
         analog.machine.adc["PA1"] = volts
         analog.run(capture, RAIL_S + 0.01)
-        assert "input PA1 is at a rail" in analog.told()
+        assert "input PA1 is at a rail" in analog.reported()
 
 
 @pytest.mark.slow
@@ -128,7 +128,7 @@ def test_a_rail_and_a_stuck_input_are_found_in_time_whatever_the_period(analog: 
             assert analog.session.clock() - begin_s < limit_s + 0.03
             analog.run(capture, 0.001)
         assert analog.session.clock() - begin_s > limit_s - 0.005
-        assert analog.told()
+        assert analog.reported()
         assert analog.session.telemetry["SENSORS"]["analog"] & bit
         analog.machine.adc["PA0"] = honest
         analog.run(capture, 0.02)
@@ -151,11 +151,11 @@ def test_of_six_inputs_the_bad_one_has_no_sample(six: Bench, index: int) -> None
     honest = six.machine.adc[pin]
     for volts, said in ((3.3, f"input {pin} is at a rail"), (SIX_VOLTS[index], f"input {pin} does not change")):
         six.run(capture, 0.05)
-        assert six.told() == []
+        assert six.reported() == []
         assert NO_SAMPLE not in last(capture)
         six.machine.adc[pin] = volts
         assert six.run(capture, 0.15) >= 28
-        assert six.told()[0] == said
+        assert six.reported()[0] == said
         assert [place for place, count in enumerate(last(capture)) if count == NO_SAMPLE] == [index]
         six.machine.adc[pin] = honest
 
@@ -184,7 +184,7 @@ def test_an_input_that_hangs(analog: Bench) -> None:
     assert analog.driving()
     analog.run(capture, 0.02)
     assert not analog.driving()
-    assert analog.told() == ["input PA2 does not change"]
+    assert analog.reported() == ["input PA2 does not change"]
     analog.machine.adc["PA2"] = honest
     analog.recovers(capture)
 
@@ -202,7 +202,7 @@ def test_a_noisy_input_is_no_reason_to_stop(analog: Bench) -> None:
     capture = analog.armed()
     at_rest(analog.machine, noise_lsb=0.1 / LSB_V)
     assert analog.run(capture, 2.0) >= 2e6 / PERIOD_US - 2  # some 7 of 200 steps a second are clamped
-    assert analog.driving() and analog.told() == []
+    assert analog.driving() and analog.reported() == []
     assert analog.session.telemetry["EVENTS"]["saturated"] > 0
 
 

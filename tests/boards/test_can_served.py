@@ -105,7 +105,7 @@ with Session.over(open_bus(sys.argv[1])) as session:
 
 @pytest.mark.slow
 def test_one_of_two_hosts_is_killed_and_the_other_loses_nothing(served: Served) -> None:
-    """Both hear every step of a run that was begun over CAN; its host dies, the run goes on for the other one."""
+    """Both receive every step of a run that was begun over CAN; its host dies, the run goes on for the other one."""
     bus, uart = served("slcan:tcp:0", "--system", "quad")
     _, environment = slow_time.command()
     host = subprocess.Popen(
@@ -135,7 +135,7 @@ def test_one_of_two_hosts_is_killed_and_the_other_loses_nothing(served: Served) 
 
 
 @pytest.mark.slow
-def test_an_adapter_set_to_another_bit_rate_hears_nothing(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_adapter_set_to_another_bit_rate_receives_nothing(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     bus, _ = served("slcan:tcp:0")
     channel = bus.removeprefix("can:slcan:")
     for bitrate in (250_000, 500_000):

@@ -73,7 +73,7 @@ def test_every_period_has_the_newest_sample_of_both_chips(digital: DigitalBench)
     assert raw[:, 2].tolist() == [counts[2] for *_, counts in tilts[:50]]
     for rows, period_s in ((rates, 1 / 1000), (tilts, 1 / 200)):
         apart_s = [b[0] - a[0] - PERIOD_US * 1e-6 for a, b in pairwise(rows)]
-        assert max(map(abs, apart_s)) < 8e-6, "the check of the last counts runs beside the bus"
+        assert max(map(abs, apart_s)) < 8e-6, "the check of the last counts runs while the bus does"
         assert max(at_s - sampled_s for at_s, _, sampled_s, _ in rows) < period_s + 1e-3
     assert digital.machine.warnings == []
 
@@ -153,7 +153,7 @@ def test_a_chip_that_does_not_answer(digital: DigitalBench, name: str) -> None:
     chip.answers = False
     digital.run(capture, 2 * PERIOD_US * 1e-6 + 0.003)
     assert not digital.driving()
-    assert digital.told() == [f"{name}: does not answer"]
+    assert digital.reported() == [f"{name}: does not answer"]
     assert digital.faults() & SENSOR
     assert digital.run(capture, 0.1) == 0, "no sample is made up"
     with pytest.raises(LinkError, match=f"{name}: does not answer"):
@@ -169,7 +169,7 @@ def test_another_chip_at_its_place(digital: DigitalBench, name: str) -> None:
     right, chip.identity = chip.identity, 0x33
     capture = digital.begin(gyro_filter=1)  # other settings: both are started anew
     assert digital.run(capture, 0.2) == 0
-    assert digital.told() == [f"{name}: another chip answers, or it did not take its settings"]
+    assert digital.reported() == [f"{name}: another chip answers, or it did not take its settings"]
     with pytest.raises(LinkError, match="another chip"):
         digital.session.arm()
     chip.identity = right
@@ -177,13 +177,13 @@ def test_another_chip_at_its_place(digital: DigitalBench, name: str) -> None:
 
 
 @pytest.mark.slow
-def test_an_accelerometer_that_does_not_hear(digital: DigitalBench) -> None:
+def test_an_accelerometer_that_does_not_take(digital: DigitalBench) -> None:
     """It reads well, but its settings are those of power-up: counts of another range would be worse than none."""
     honest, digital.accel.written = digital.accel.written, lambda _register, _value: None  # type: ignore[method-assign, assignment]
     digital.accel.brown_out()
     capture = digital.begin(gyro_filter=1)
     assert digital.run(capture, 0.2) == 0
-    assert digital.told() == ["accelerometer: another chip answers, or it did not take its settings"]
+    assert digital.reported() == ["accelerometer: another chip answers, or it did not take its settings"]
     digital.accel.written = honest  # type: ignore[method-assign]
     digital.recovers(capture)
 
@@ -199,9 +199,9 @@ def test_a_chip_whose_data_hang(digital: DigitalBench, name: str) -> None:
     assert digital.driving(), f"not before {limit_s} s"
     digital.run(capture, 6 * PERIOD_US * 1e-6)
     assert not digital.driving()
-    assert digital.told()[0] in (f"{name}: its data do not change", f"{name}: has no data")
+    assert digital.reported()[0] in (f"{name}: its data do not change", f"{name}: has no data")
     digital.run(capture, 0.3)
-    assert len(digital.told()) == 1, "set up anew or not: a chip that hangs stays a fault"
+    assert len(digital.reported()) == 1, "set up anew or not: a chip that hangs stays a fault"
     chip.frozen = False
     digital.run(capture, RECOVERY_S)
     digital.recovers(capture)
@@ -215,7 +215,7 @@ def test_a_chip_that_says_the_same_for_ever_stays_a_fault(digital: DigitalBench)
     digital.run(capture, 0.1)
     assert not digital.driving()
     for _ in range(10):
-        assert digital.told() == ["accelerometer: its data do not change"]
+        assert digital.reported() == ["accelerometer: its data do not change"]
     digital.accel.source = honest
     digital.recovers(capture)
 
@@ -239,7 +239,7 @@ def test_the_slowest_rate_of_the_accelerometer_is_a_rate_too(digital: DigitalBen
     capture = digital.begin(accel_rate=6)
     digital.accel.brown_out()  # or a sample from before would do for its first
     digital.run(capture, 0.5)
-    assert digital.told() == []
+    assert digital.reported() == []
     assert digital.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
 
 
@@ -256,7 +256,7 @@ def test_an_exchange_that_is_cut_short_leaves_nothing_for_the_next(digital: Digi
         assert machine.spi1.sr & 1, "a byte that nobody fetched"
         capture = digital.begin(accel_rate=rate)
         digital.run(capture, RECOVERY_S)
-        assert digital.told() == []
+        assert digital.reported() == []
         assert digital.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
 
 
@@ -285,7 +285,7 @@ def test_one_access_that_fails_is_tried_again_and_costs_no_step(digital: Digital
     assert digital.run(capture, 0.2) >= 0.2e6 / PERIOD_US - 1
     assert digital.driving()
     assert digital.bus_failures() - failures == 2
-    assert digital.told() == []
+    assert digital.reported() == []
 
 
 # The I2C bus
@@ -337,10 +337,10 @@ def test_a_shorted_data_line_is_a_fault_for_as_long_as_it_lasts(i2c: DigitalBenc
     i2c.machine.i2c_bus.short(True)
     i2c.run(capture, 0.015)
     assert not i2c.driving()
-    said = i2c.told()
+    said = i2c.reported()
     assert said == ["gyro: its bus hangs"]
     i2c.run(capture, 0.5)
-    assert set(i2c.told()) & {"gyro: its bus hangs", "gyro: does not answer"}
+    assert set(i2c.reported()) & {"gyro: its bus hangs", "gyro: does not answer"}
     i2c.machine.i2c_bus.short(False)
     i2c.recovers(capture)
 
@@ -354,7 +354,7 @@ def test_a_misplaced_stop_costs_no_step(i2c: DigitalBench) -> None:
         i2c.machine.i2c1.bus_error()
         i2c.run(capture, 0.03)
     assert i2c.driving()
-    assert i2c.told() == []
+    assert i2c.reported() == []
     assert capture.disarmed_step is None
     assert i2c.bus_failures() >= 4
     assert i2c.faults() & STEPS_MISSED == 0

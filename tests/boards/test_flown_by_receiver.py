@@ -136,7 +136,7 @@ def test_the_switch_of_the_pilot_turns_the_rotors(flown: Flown) -> None:
 
 
 @pytest.mark.parametrize(("volts", "missing"), [(10.2, LOW), (0.0, UNKNOWN), (25.0, UNKNOWN)])
-def test_a_battery_is_told_in_the_air_and_keeps_the_vehicle_on_the_ground(
+def test_a_battery_is_reported_in_the_air_and_keeps_the_vehicle_on_the_ground(
     flown: Flown, volts: float, missing: int
 ) -> None:
     said = flown.session.telemetry
@@ -246,7 +246,7 @@ def test_with_the_rotors_on_a_step_of_20_deg_per_s_ends_what_stands_on_the_groun
 
 
 def test_the_hover_that_a_flight_has_learned_is_there_after_a_save_and_a_reset(flown: Flown) -> None:
-    """1 g is felt at 0.6 of the throttle, where 0.44 was told."""
+    """1 g is felt at 0.6 of the throttle, where 0.44 was set."""
     flown.passes(2.5, crsf.sticks(throttle=0.6, on=True))
     assert flown.armed
     flown.passes(0.2, crsf.sticks())

@@ -92,10 +92,10 @@ def test_a_named_pipe_is_read_and_without_a_board_it_says_so(tmp_path: Path) -> 
     pipe = tmp_path / "hand"
     os.mkfifo(pipe)
     with pytest.raises(UsageError, match=r"no board reads it: start `plumb virtual-board --system SYSTEM --hand"):
-        hand_orders.tell(str(pipe), "level")
+        hand_orders.send_order(str(pipe), "level")
     lines = hand_orders.lines_of(str(pipe))
     assert lines.read() == b""
-    hand_orders.tell(str(pipe), "left side up")
+    hand_orders.send_order(str(pipe), "left side up")
     assert lines.read() == b"left side up\n"
     assert lines.read() == b""
     for bad in (tmp_path, tmp_path / "no" / "folder", Path("/dev/null")):
@@ -109,14 +109,14 @@ def test_a_pipe_that_a_stopped_board_has_filled_is_one_sentence(tmp_path: Path) 
     lines = hand_orders.lines_of(str(pipe))
     with pytest.raises(UsageError, match="the board that reads it has stopped: start it anew"):
         for _ in range(1000):
-            hand_orders.tell(str(pipe), "level" * 100)
+            hand_orders.send_order(str(pipe), "level" * 100)
     assert lines.read().startswith(b"levellevel")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
 def test_a_full_disk_is_one_sentence() -> None:
     with pytest.raises(UsageError, match="/dev/full: No space left on device: name a file that can be written"):
-        hand_orders.tell("/dev/full", "level")
+        hand_orders.send_order("/dev/full", "level")
 
 
 def test_a_file_that_becomes_something_else_is_silent_until_it_is_a_file_again(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_orders_move_the_hand_and_mistakes_are_said(tmp_path: Path, monkeypatch:
     assert len(said) == 2
     write("el\n")
     assert said[2] == "hand: level, within 1 s" and hand.at(4.0)[0] == 0.0
-    hand_orders.tell(str(path), "side")
+    hand_orders.send_order(str(path), "side")
     orders.look()
     assert len(said) == 3  # not more often than EVERY_S
     clock[0] += 1.0

@@ -237,7 +237,7 @@ def pause(machine: Machine, image: Image, duration_us: int) -> None:
     patch(machine, place, *struct.unpack("<H", before))
 
 
-def told(session: Session) -> dict[str, int]:
+def status_of(session: Session) -> dict[str, int]:
     session.telemetry.clear()
     while "EVENTS" not in session.telemetry or "STATUS" not in session.telemetry:
         session.receive(0.05)
@@ -255,7 +255,7 @@ def test_a_recovered_loop_is_reported_and_drives_only_in_the_next_run(
     for _ in range(5):
         session.receive(0.005)
     assert inputs.safe == stalls and machine.reset_count == 1
-    status = told(session)
+    status = status_of(session)
     assert bool(status["faults"] & STALLED) == stalls
     if not stalls:
         return
@@ -269,7 +269,7 @@ def test_a_recovered_loop_is_reported_and_drives_only_in_the_next_run(
     session.arm()
     for _ in range(20):
         session.receive(0.005)
-    assert not inputs.safe and told(session)["faults"] & STALLED == 0
+    assert not inputs.safe and status_of(session)["faults"] & STALLED == 0
 
 
 def test_a_bridge_that_a_stall_switched_off_stays_off_until_the_next_run(

@@ -20,7 +20,7 @@ SLOTS, SLOT_BYTES = 0xF000, 0x800
 
 
 @pytest.mark.parametrize("part", ["stm32f103c8", "stm32f103zet6"])
-def test_a_chip_that_does_not_tell_its_flash_size_saves_all_the_same(part: str) -> None:
+def test_a_chip_without_a_flash_size_saves_all_the_same(part: str) -> None:
     """Every page of the slot is erased, whichever size the pages have."""
     machine = Machine(IMAGE, part, flash_size=0xFFFF)
     machine.advance_us(BOOT_US)

@@ -64,7 +64,7 @@ def noticed_s(bench: Six, capture: Capture) -> float:
 
 def good_again(bench: Six, capture: Capture) -> None:
     """Samples come, nothing is wrong, and nothing drives by itself."""
-    assert bench.told() == [] and not bench.driving()
+    assert bench.reported() == [] and not bench.driving()
     assert bench.run(capture, 0.1) >= 0.1 / PERIOD_S - 2
 
 
@@ -76,7 +76,7 @@ def test_an_axis_at_its_rail_for_20_ms_disarms(bus: int, which: str, far: float)
     capture = bench.armed()
     ends = lies(bench, which, 0, lambda _at, _time_s: far)
     assert 0.020 < noticed_s(bench, capture) < 0.020 + 4 * PERIOD_S
-    assert bench.told() == [f"{which}: {LIMIT}"]
+    assert bench.reported() == [f"{which}: {LIMIT}"]
     ends()
     bench.run(capture, 1.5)
     good_again(bench, capture)
@@ -91,7 +91,7 @@ def test_a_jump_to_the_rail_is_none(bus: int, which: str) -> None:
     bench.run(capture, 0.010)
     ends()
     bench.run(capture, 0.1)
-    assert bench.driving() and bench.told() == []
+    assert bench.driving() and bench.reported() == []
 
 
 @pytest.mark.slow
@@ -104,14 +104,14 @@ def test_an_axis_that_jumps_to_its_rail_again_and_again_disarms(bus: int, which:
     every_s = samples * 2.5e-3
     lies(bench, which, 2, lambda at, time_s: FAR if time_s % every_s < 2.5e-3 else at)
     assert noticed_s(bench, capture) <= 3 * every_s + 0.01
-    assert bench.told() == [f"{which}: {LIMIT}"]
+    assert bench.reported() == [f"{which}: {LIMIT}"]
 
 
 def test_a_blow_every_second_is_forgotten(mpu: Six) -> None:
     capture = mpu.armed(period_us=2500)
     lies(mpu, ACCEL, 2, lambda at, time_s: FAR if time_s % 1.5 < 2.5e-3 else at)
     mpu.run(capture, 4.6)
-    assert mpu.driving() and mpu.told() == []
+    assert mpu.driving() and mpu.reported() == []
 
 
 @pytest.mark.slow
@@ -129,7 +129,7 @@ def test_an_axis_that_stands_still_disarms_within_500_ms(bus: int, which: str, a
 
     ends = lies(bench, which, axis, stands)
     assert noticed_s(bench, capture) < WITHIN_S
-    assert bench.told() == [f"{which}: {STILL}"]
+    assert bench.reported() == [f"{which}: {STILL}"]
     ends()
     bench.run(capture, 0.1)
     good_again(bench, capture)
@@ -142,21 +142,21 @@ def test_at_rest_an_axis_may_stand_still_until_another_one_turns(mpu: Six, which
     at_rest = lies(mpu, GYRO, 2, lambda at, _time_s: at - 16.0)
     lies(mpu, which, 0, lambda _at, _time_s: 0.5)
     mpu.run(capture, 1.5)
-    assert mpu.told() == []
+    assert mpu.reported() == []
     at_rest()
     lies(mpu, which, 0, lambda _at, _time_s: 0.5)
     lies(mpu, GYRO, 2, lambda at, _time_s: at - 10.0)
     mpu.run(capture, WITHIN_S - 0.25)
-    assert mpu.told() == [f"{which}: {STILL}"]
+    assert mpu.reported() == [f"{which}: {STILL}"]
 
 
 @pytest.mark.slow
-def test_a_gyro_that_stands_still_beside_a_live_accelerometer_disarms(mpu: Six) -> None:
+def test_a_gyro_that_stands_still_with_a_live_accelerometer_disarms(mpu: Six) -> None:
     capture = mpu.armed()
     for axis in range(3):
         lies(mpu, GYRO, axis, lambda _at, _time_s: 2.0)
     assert noticed_s(mpu, capture) < 0.15
-    assert mpu.told()[0] == f"{GYRO}: {STILL}"
+    assert mpu.reported()[0] == f"{GYRO}: {STILL}"
 
 
 SETTINGS = [
@@ -187,7 +187,7 @@ def test_a_setting_that_falls_back_is_noticed_in_200_ms_and_written_again(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("which", [GYRO, ACCEL])
-def test_a_setting_that_is_not_taken_again_is_told_for_as_long(which: str) -> None:
+def test_a_setting_that_is_not_taken_again_is_reported_for_as_long(which: str) -> None:
     bench = six(ON_I2C)
     capture = bench.armed()
     chip = bench.chips[which == ACCEL]
@@ -197,7 +197,7 @@ def test_a_setting_that_is_not_taken_again_is_told_for_as_long(which: str) -> No
     vars(chip)["written"] = lambda at, value: None if at == register else honest(at, value)
     assert noticed_s(bench, capture) < 0.2
     bench.run(capture, 1.0)
-    assert bench.told() == [f"{which}: {ANOTHER}"]
+    assert bench.reported() == [f"{which}: {ANOTHER}"]
 
 
 @pytest.mark.slow

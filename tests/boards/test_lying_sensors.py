@@ -22,7 +22,8 @@ from support.sensor_bench import BOOT_US, DIGITAL_CONTROL, Bench, DigitalBench, 
 WITHIN_S = 0.5
 IMPLAUSIBLE = 1 << 11
 INNOVATION = 2
-"""May be told first: soon after arming its time counts fourfold. The rows of `plumb faults` hold each check alone."""
+"""May be reported first: soon after arming its time counts fourfold. The rows of `plumb faults` hold each check
+alone."""
 LEVEL_V = (1.35, 1.65, 2.45)
 """Gyro, y and z of an axis that is level and still."""
 TURN_Q32 = 2**32
@@ -64,7 +65,7 @@ def disarms(bench: Bench, capture: Capture, check: int) -> None:
         bench.session.receive(0.02)
     assert bench.session.telemetry["EVENTS"]["disarm_cause"] & IMPLAUSIBLE
     assert bench.session.telemetry["PLAUSIBILITY"]["disarmed_by"] & (check | INNOVATION)
-    assert bench.told() == [], "no sensor is stuck, at a rail or lost"
+    assert bench.reported() == [], "no sensor is stuck, at a rail or lost"
     shown = next(iter(watch(bench.session, 0.3)))
     assert BLOCKED[11] in shown["disarm_cause"] and len(shown["disarm_cause"]) >= 2
 

@@ -33,18 +33,18 @@ def test_two_boards_in_a_process_know_nothing_of_each_other() -> None:
 
 
 def test_the_same_calls_give_the_same_bytes() -> None:
-    def told() -> bytes:
+    def live_bytes() -> bytes:
         board = UartBoard()
         with Session.open(board) as session:
             session.begin("REALTIME_LIVE")
-            board.heard()
+            board.received()
             board.run_us(200_000)
-            return board.heard()
+            return board.received()
 
-    assert told() == told() != b""
+    assert live_bytes() == live_bytes() != b""
 
 
-def test_a_flash_that_refuses_is_told_and_the_set_in_use_stays() -> None:
+def test_a_flash_that_refuses_is_reported_and_the_set_in_use_stays() -> None:
     board = UartBoard()
     board.wires.flash_refuses = 1
     with Session.open(board) as session:

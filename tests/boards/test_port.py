@@ -117,7 +117,7 @@ def test_a_hanging_loop_is_reset(image: bytes, elf: Elf) -> None:
     assert _faults(machine, elf) == FAULT_WATCHDOG | FAULT_IMAGE
 
 
-def test_a_crash_is_told_after_the_reset(image: bytes, elf: Elf) -> None:
+def test_a_crash_is_reported_after_the_reset(image: bytes, elf: Elf) -> None:
     machine = Machine(_patched(image, elf, "session_poll", UNDEFINED))
     assert machine.run_until(lambda: machine.reset_count == 2, BOOT_US)
     machine.run_until(lambda: machine.reset_count == 3, BOOT_US)
@@ -166,7 +166,7 @@ def test_a_pin_reset_forgets_the_crash(image: bytes, elf: Elf) -> None:
     assert _faults(machine, elf) == 0
 
 
-def test_a_note_that_power_damaged_tells_nothing(image: bytes, elf: Elf) -> None:
+def test_a_note_that_power_damaged_reports_nothing(image: bytes, elf: Elf) -> None:
     """Memory after a dip of the supply may hold any part of it."""
     machine = Machine(image)
     machine.advance_us(BOOT_US)

@@ -158,9 +158,9 @@ def test_a_silent_receiver_is_lost_after_100_ms_and_so_is_one_without_its_transm
     commands, _, flags, phase = flight.newest()
     assert flags & LOST_FLAG and phase == STOPPED and not flags & FLIES_FLAG
     raw = flight.capture.raw
-    heard = max(step for step in raw if raw[step][10] != commands[4]) + 1
+    received = max(step for step in raw if raw[step][10] != commands[4]) + 1
     lost = min(s for s, word in flight.capture.values[(STATE, "flags")].items() if word & LOST_FLAG)
-    assert lost - heard == 40, "steps of 2.5 ms with the same number"
+    assert lost - received == 40, "steps of 2.5 ms with the same number"
     flight.fly(0.05, crsf.sticks(on=False))
     assert flight.newest()[3] == FLOWN and not flight.newest()[2] & LOST_FLAG, "switched off, it may fly again"
     flight.receive(crsf.statistics(0))

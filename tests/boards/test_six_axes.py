@@ -55,7 +55,7 @@ def test_a_sample_is_rates_and_accelerations_in_the_order_of_the_axes(bus: int) 
     raw = capture.raw_counts(before + 12)[before:]
     assert raw[:, :3].tolist() == [list(counts) for counts in rates[:12]]
     assert raw[:, 3:6].tolist() == [list(counts) for counts in forces[:12]]
-    assert bench.told() == [] and bench.machine.warnings == []
+    assert bench.reported() == [] and bench.machine.warnings == []
 
 
 def test_the_set_of_the_wheels_works_with_one_chip_too() -> None:
@@ -104,16 +104,16 @@ def test_chips_that_are_sold_as_mpu6050_are_taken(mpu: Six, identity: int) -> No
     mpu.mpu.identity = identity
     capture = mpu.begin(gyro_filter=1)  # other settings: it is started anew
     mpu.run(capture, RECOVERY_S)
-    assert mpu.told() == [] and mpu.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
+    assert mpu.reported() == [] and mpu.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("identity", [0x00, 0x69, 0xFF], ids=hex)
-def test_any_other_chip_is_told(mpu: Six, identity: int) -> None:
+def test_any_other_chip_is_reported(mpu: Six, identity: int) -> None:
     mpu.mpu.identity = identity
     capture = mpu.begin(gyro_filter=1)
     assert mpu.run(capture, 0.2) == 0
-    assert mpu.told() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
+    assert mpu.reported() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
     with pytest.raises(LinkError, match="another chip"):
         mpu.session.arm()
     mpu.mpu.identity = 0x68
@@ -121,16 +121,16 @@ def test_any_other_chip_is_told(mpu: Six, identity: int) -> None:
 
 
 @pytest.mark.slow
-def test_two_chips_where_one_is_expected_are_told() -> None:
+def test_two_chips_where_one_is_expected_are_reported() -> None:
     """The ITG-3205 has the MPU-6050's address, and the same identity, in another register."""
     bench = six(ON_I2C)
     capture = bench.begin(accel_bus=IN_GYRO)
     assert bench.run(capture, 0.2) == 0
-    assert bench.told() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
+    assert bench.reported() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
 
 
 @pytest.mark.slow
-def test_a_chip_that_does_not_hear_its_settings_is_told(one: Six) -> None:
+def test_a_chip_that_does_not_take_its_settings_is_reported(one: Six) -> None:
     """Awake at +-250 deg/s and +-2 g: counts of another range would be worse than none."""
     chip = one.mpu
     honest = chip.written
@@ -143,7 +143,7 @@ def test_a_chip_that_does_not_hear_its_settings_is_told(one: Six) -> None:
     chip.brown_out()
     capture = one.begin(gyro_filter=1)
     assert one.run(capture, 0.2) == 0
-    assert one.told() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
+    assert one.reported() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
     chip.written = honest  # type: ignore[method-assign]
     one.recovers(capture)
 
@@ -154,7 +154,7 @@ def test_one_chip_that_does_not_answer(one: Six) -> None:
     one.mpu.answers = False
     one.run(capture, 2 * PERIOD_US * 1e-6 + 0.003)
     assert not one.driving()
-    assert one.told() == ["gyro: does not answer", "accelerometer: does not answer"]
+    assert one.reported() == ["gyro: does not answer", "accelerometer: does not answer"]
     assert one.faults() & SENSOR
     assert one.run(capture, 0.1) == 0, "no sample is made up"
     one.mpu.answers = True
@@ -186,14 +186,14 @@ def test_one_chip_that_holds_the_data_line_is_clocked_free(mpu: Six, clocks: int
 
 
 @pytest.mark.slow
-def test_a_shorted_data_line_is_told_for_as_long_as_it_lasts(mpu: Six) -> None:
+def test_a_shorted_data_line_is_reported_for_as_long_as_it_lasts(mpu: Six) -> None:
     capture = mpu.armed()
     mpu.machine.i2c_bus.short(True)
     mpu.run(capture, 0.015)
     assert not mpu.driving()
-    assert mpu.told() == ["gyro: its bus hangs", "accelerometer: its bus hangs"]
+    assert mpu.reported() == ["gyro: its bus hangs", "accelerometer: its bus hangs"]
     mpu.run(capture, 0.5)
-    assert set(mpu.told()) & {"gyro: its bus hangs", "gyro: does not answer"}
+    assert set(mpu.reported()) & {"gyro: its bus hangs", "gyro: does not answer"}
     mpu.machine.i2c_bus.short(False)
     mpu.recovers(capture)
 
@@ -207,9 +207,9 @@ def test_one_chip_whose_data_hang(one: Six) -> None:
     assert one.driving()
     one.run(capture, 5 * PERIOD_US * 1e-6)
     assert not one.driving()
-    assert one.told()[0] in ("gyro: its data do not change", "gyro: has no data")
+    assert one.reported()[0] in ("gyro: its data do not change", "gyro: has no data")
     one.run(capture, 0.3)
-    assert len(one.told()) == 2
+    assert len(one.reported()) == 2
     one.mpu.frozen = False
     one.run(capture, RECOVERY_S)
     one.recovers(capture)
@@ -224,7 +224,7 @@ def test_the_accelerations_of_one_chip_hang_alone(mpu: Six) -> None:
     mpu.run(capture, 5 * PERIOD_US * 1e-6)
     assert not mpu.driving()
     mpu.run(capture, 0.1)
-    assert mpu.told() == ["accelerometer: its data do not change"]
+    assert mpu.reported() == ["accelerometer: its data do not change"]
     mpu.mpu.forces_frozen = False
     mpu.run(capture, RECOVERY_S)
     mpu.recovers(capture)

@@ -70,7 +70,7 @@ class Outputs:
 
 
 def saved(pins: str) -> bytes:
-    """What the slots of a board hold that was told this pin set."""
+    """The slots of a board on which this pin set was saved."""
     machine = Machine(vehicles_image())
     machine.advance_us(BOOT_US)
     with Session.open(machine.uart) as session:
@@ -136,7 +136,7 @@ def test_an_image_without_wheels_leaves_all_their_pins_alone() -> None:
 
 @pytest.mark.parametrize("strap", GROUNDED)
 @pytest.mark.parametrize("table", TABLES)
-def test_a_disagreement_is_told_and_blocks_arming(slots: dict[str, bytes], strap: str, table: str) -> None:
+def test_a_disagreement_is_reported_and_blocks_arming(slots: dict[str, bytes], strap: str, table: str) -> None:
     machine, _ = started(strap, slots[table])
     machine.drive("PB12", True)
     machine.set_hall(5)

@@ -46,8 +46,8 @@ SILENCE_US = 50_000
 BITS_PER_WORD = campaign(2, 32)
 """Flipped in each of 360 words."""
 PARTS = 8
-"""The flips are shared out over so many tests, which run beside each other."""
-TOLD_EVERY = 40
+"""The flips are shared out over so many tests, which run in parallel."""
+REPORTED_EVERY = 40
 """Of the flips, the frames of every so many are read by the host, too."""
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 
@@ -83,7 +83,7 @@ class FlippedBoard:
     def pulses(self) -> tuple[int, int]:
         return self.machine.tim4.ccr1, self.machine.tim4.ccr2
 
-    def hear(self, seconds: float = 0.03) -> dict[str, dict[str, int]]:
+    def listen(self, seconds: float = 0.03) -> dict[str, dict[str, int]]:
         for _ in range(round(seconds / 0.005)):
             self.session.receive(0.005)
         return self.session.telemetry
@@ -102,7 +102,7 @@ def driving(image: bytes, elf: Elf) -> FlippedBoard:
     board.session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
     board.session.begin("REALTIME_LIVE")
     board.session.arm()
-    board.hear(0.1)
+    board.listen(0.1)
     assert NEUTRAL_HALFUS not in board.pulses()
     board.sleep()
     return board
@@ -148,11 +148,11 @@ def test_every_flip_disarms_before_the_next_pulse_and_is_named(flown: tuple[Flip
         place = f"bit {bit} of 0x{address:08X}"
         assert machine.run_until(neutral, SLEEP_US), place
         assert all(one == before or set(one) <= NEUTRAL_BOUNDS for one in seen), f"{place}: a step used it"
-        if index % TOLD_EVERY:
+        if index % REPORTED_EVERY:
             continue
-        told = board.hear()
-        assert told["STATUS"]["faults"] & UPSET_FAULT and told["STATUS"]["armed"] == 0, place
-        assert told["STATUS"]["mode"] == 0 and told["EVENTS"]["disarm_cause"] == FAULT_CAUSE, place
+        report = board.listen()
+        assert report["STATUS"]["faults"] & UPSET_FAULT and report["STATUS"]["armed"] == 0, place
+        assert report["STATUS"]["mode"] == 0 and report["EVENTS"]["disarm_cause"] == FAULT_CAUSE, place
         assert board.pulses() == (NEUTRAL_HALFUS, NEUTRAL_HALFUS), place
         assert machine.reset_count == 1, place
 
@@ -177,12 +177,12 @@ def test_a_clock_that_is_set_back_is_named(flown: tuple[FlippedBoard, Snapshot])
     board.machine.restore(snapshot)
     ticks = board.word("ticks_ms")
     board.flip(board.elf.symbol("ticks_ms").address, ticks.bit_length() - 1)
-    told = board.hear()
-    assert told["STATUS"]["faults"] & UPSET_FAULT and told["STATUS"]["armed"] == 0
-    assert told["EVENTS"]["disarm_cause"] == FAULT_CAUSE
+    report = board.listen()
+    assert report["STATUS"]["faults"] & UPSET_FAULT and report["STATUS"]["armed"] == 0
+    assert report["EVENTS"]["disarm_cause"] == FAULT_CAUSE
 
 
-def test_without_the_check_flips_move_the_outputs_and_nobody_hears(image: bytes, elf: Elf) -> None:
+def test_without_the_check_flips_move_the_outputs_unreported(image: bytes, elf: Elf) -> None:
     """What the check is for; and that the test above can fail."""
     board = driving(without_memory_check(image, elf), elf)
     snapshot, moved = board.machine.snapshot(board.session), 0
@@ -220,14 +220,14 @@ def test_arming_needs_a_new_start_after_an_upset(image: bytes, elf: Elf) -> None
     """Whatever the host does: commit, begin, greet again. Lockstep goes on, since it moves nothing."""
     board = driving(image, elf)
     board.flip(elf.symbol("params").address + 40, 17)
-    assert board.hear()["STATUS"]["faults"] == UPSET_FAULT
+    assert board.listen()["STATUS"]["faults"] == UPSET_FAULT
     board.session.connect()
     board.session.upload(CONTROL, period_us=1000)
     board.session.begin("REALTIME_LIVE")
     with pytest.raises(LinkError, match="the board has a fault"):
         board.session.arm()
     board.session.begin("LOCKSTEP")
-    assert board.hear()["STATUS"]["mode"] == 1
+    assert board.listen()["STATUS"]["mode"] == 1
     board.session.close()
 
     board.machine.reset()
@@ -248,17 +248,17 @@ def test_parameters_are_the_saved_ones_after_an_upset(image: bytes, elf: Elf) ->
     assert words[row] == 1000
     board.sleep()
     board.flip(elf.symbol("params").address + 4 * row, 4)
-    assert board.hear()["STATUS"]["faults"] & UPSET_FAULT
+    assert board.listen()["STATUS"]["faults"] & UPSET_FAULT
     assert board.session.read_parameters()[row] == 3000
     board.session.close()
 
 
 def test_a_flip_while_no_run_is_on_is_found(image: bytes, elf: Elf) -> None:
     board = started(image, elf)
-    board.hear(0.2)
+    board.listen(0.2)
     board.sleep()
     board.flip(elf.symbol("params").address, 3)
-    assert board.hear(0.2)["STATUS"]["faults"] == UPSET_FAULT
+    assert board.listen(0.2)["STATUS"]["faults"] == UPSET_FAULT
     board.session.close()
 
 
@@ -267,12 +267,12 @@ def test_a_parameter_that_flips_in_lockstep_is_found_when_the_run_ends(image: by
     board = started(image, elf)
     board.session.begin("LOCKSTEP")
     board.machine.uart.write(samples_text(protocol(), np.array([[1, 2, 3]] * 4), np.zeros(4, int)).part(0, 4))
-    board.hear()
+    board.listen()
     board.sleep()
     board.flip(elf.symbol("params").address + 4 * 20, 9)
-    assert board.hear(0.2)["STATUS"]["faults"] == 0
+    assert board.listen(0.2)["STATUS"]["faults"] == 0
     board.session.end()
-    assert board.hear(0.2)["STATUS"]["faults"] == UPSET_FAULT
+    assert board.listen(0.2)["STATUS"]["faults"] == UPSET_FAULT
     board.session.close()
 
 
@@ -308,9 +308,9 @@ def test_interrupts_write_no_guarded_memory(image: bytes, elf: Elf) -> None:
     writes = interrupt_writes(board.machine, areas(elf))
     for run in ("LOCKSTEP", "REALTIME_INJECTED", "REALTIME_LIVE"):
         board.session.begin(run)
-        board.hear(0.1)
+        board.listen(0.1)
     board.session.arm()
-    board.hear(0.1)
+    board.listen(0.1)
     assert writes == []
     board.session.close()
 

@@ -120,7 +120,7 @@ def test_armed_and_missing_steps_without_disarming_is_reset(image: bytes, elf: E
 @pytest.mark.slow
 @pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
 def test_power_fails_at_any_cycle_of_the_start(image: bytes, brown: bool) -> None:
-    """Whatever was half set up, the next start is as good as the first, and tells why it was."""
+    """Whatever was half set up, the next start is as good as the first, and reports its cause."""
     chance = random.Random(7)
     machine = started(image)
     for _ in range(campaign(25, 60)):
@@ -129,8 +129,8 @@ def test_power_fails_at_any_cycle_of_the_start(image: bytes, brown: bool) -> Non
         lose_power(machine, brown)
         machine.advance_us(BOOT_US)
         assert at_neutral(machine)
-    told = identity(machine)
-    assert told.reset_cause == "power" and told["FAULTS"] == 0 and told["CRASH_PC"] == 0
+    report = identity(machine)
+    assert report.reset_cause == "power" and report["FAULTS"] == 0 and report["CRASH_PC"] == 0
     assert machine.warnings == []
 
 
@@ -160,15 +160,15 @@ def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
 
 
 @pytest.mark.slow
-def test_a_crystal_that_dies_in_flight_is_told_to_the_host(image: bytes) -> None:
+def test_a_crystal_that_dies_in_flight_is_reported_to_the_host(image: bytes) -> None:
     """Armed and driving: neutral at once, and the host finds the board idle, disarmed, at 64 MHz, off the CAN bus."""
     machine, _session = flying(image)
     machine.rcc.kill_crystal()
     assert machine.run_until(lambda: at_neutral(machine), 5_000)
     machine.advance_us(BOOT_US)
-    told = identity(machine)
-    assert told.reset_cause == "software" and told["CRASH_EXCEPTION"] == 2
-    assert told["FAULTS"] & (CRYSTAL_FAULT | FALLBACK_FAULT) == CRYSTAL_FAULT | FALLBACK_FAULT
+    report = identity(machine)
+    assert report.reset_cause == "software" and report["CRASH_EXCEPTION"] == 2
+    assert report["FAULTS"] & (CRYSTAL_FAULT | FALLBACK_FAULT) == CRYSTAL_FAULT | FALLBACK_FAULT
     with Session.open(machine.uart) as after:
         for _turn in range(100):
             after.receive(0.01)
@@ -190,9 +190,9 @@ def test_a_crash_whose_reset_fails_is_neutral_until_the_watchdog_ends_it(
         assert at_neutral(machine) and machine.reset_count == resets
     assert machine.run_until(lambda: machine.reset_count > resets, 30_000)
     machine.advance_us(BOOT_US)
-    told = identity(machine)
-    assert told.reset_cause == "window watchdog"
-    assert told["FAULTS"] & (CRASH_FAULT | WATCHDOG_FAULT) == CRASH_FAULT | WATCHDOG_FAULT
+    report = identity(machine)
+    assert report.reset_cause == "window watchdog"
+    assert report["FAULTS"] & (CRASH_FAULT | WATCHDOG_FAULT) == CRASH_FAULT | WATCHDOG_FAULT
 
 
 def test_every_reset_says_what_it_was(image: bytes, elf: Elf) -> None:

@@ -137,9 +137,9 @@ def test_the_pins_follow_the_record_of_every_step(scene: Scene) -> None:
     seen = set()
     for _ in range(6):
         newest = Duties(scene)
-        told = newest.read()
-        newest.are_followed(*told)
-        seen.add(tuple(told))
+        motors = newest.read()
+        newest.are_followed(*motors)
+        seen.add(tuple(motors))
     assert len(seen) > 3
 
 
@@ -242,7 +242,7 @@ def test_a_stall_on_the_way_to_arming_leaves_the_motors_off(scene: Scene) -> Non
 
 
 @pytest.mark.parametrize(("how", "said"), [("crash", HARD), ("crystal", CRYSTAL)])
-def test_a_reset_leaves_the_motors_off_and_is_told(scene: Scene, how: str, said: int) -> None:
+def test_a_reset_leaves_the_motors_off_and_is_reported(scene: Scene, how: str, said: int) -> None:
     if how == "crash":
         core.patch_the_loop(scene, core.UNDEFINED)
     else:

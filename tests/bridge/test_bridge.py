@@ -1,5 +1,5 @@
 """Sensor board, bridge and STM32 as processes of their own: joined over ptys, sockets and slcan, in any order, killed
-and started again, with the model beside. They live in slow time (support/slow_time.py): each has to
+and started again, with the model in step. They live in slow time (support/slow_time.py): each has to
 keep up with the others."""
 
 from __future__ import annotations
@@ -271,7 +271,7 @@ def a_run() -> tuple[IntArray, IntArray]:
 
 
 def follow(shadow: Shadow, session: Session, raw: IntArray, digests: IntArray, lost: int = 0) -> None:
-    """Every step of a run, then so many frames missing, told to the shadow."""
+    """Every step of a run, then so many frames missing, reported to the shadow."""
     capture = Capture(session)
     shadow.follow(capture, 0)
     for step, (counts, digest) in enumerate(zip(raw.tolist(), digests.tolist(), strict=True)):

@@ -19,7 +19,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def test_the_seconds_count_from_the_begin_of_the_first_run(clock: Clock) -> None:
-    """Beside busy processes the way to the first run took longer than was asked for, and no step was verified."""
+    """With busy processes the way to the first run took longer than was asked for, and no step was verified."""
     ending = Ending(5.0, [], None)
     ending.bridge = bridge = Bridge("tcp:127.0.0.1:1", "tcp:127.0.0.1:2", None, (), {})
     assert not ending()

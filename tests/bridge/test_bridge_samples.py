@@ -45,7 +45,7 @@ class SteadySensor:
 
 
 class Joined:
-    """A bridge between the two, on a line of 300 kbaud: the upload takes some periods. said: what it told."""
+    """A bridge between the two, on a line of 300 kbaud: the upload takes some periods. said: its messages."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, setpoint: int = 0, arm: bool = False) -> None:
         self.said: list[str] = []
@@ -89,7 +89,7 @@ def test_a_setpoint_that_was_said_before_the_run_holds_in_it(monkeypatch: pytest
     assert joined.bridge.shadow is not None and set(joined.bridge.shadow._setpoints[2:]) == {1 << 24}
 
 
-def test_why_the_board_disarmed_is_told_from_what_it_says_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reason_of_a_disarm_comes_from_later_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     joined = Joined(monkeypatch, arm=True)
 
     def over() -> bool:
@@ -112,9 +112,9 @@ def test_samples_that_falter_at_the_start_put_arming_off(monkeypatch: pytest.Mon
         return joined.bridge.steps > 150
 
     joined.bridge.run(over)
-    told = [text for text in joined.said if "armed" in text]
-    assert told[-1] == "armed" and told.count("armed") == 1
-    assert any(text.startswith("not armed yet: the board refused EXECUTE: no injected samples come") for text in told)
+    texts = [text for text in joined.said if "armed" in text]
+    assert texts[-1] == "armed" and texts.count("armed") == 1
+    assert any(text.startswith("not armed yet: the board refused EXECUTE: no injected samples come") for text in texts)
 
 
 def test_a_split_sample_is_assembled_without_frames_of_another_board() -> None:

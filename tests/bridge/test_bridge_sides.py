@@ -53,7 +53,7 @@ class ServedBoard:
             elif behind_us >= TURN_US:
                 self.memory.write(self.line.read())
                 self.memory.turn(TURN_US)
-                self.line.write(self.memory.heard())
+                self.line.write(self.memory.received())
                 continue
             time.sleep(0.0005)
 
@@ -92,7 +92,7 @@ class ServedSensors:
 
 
 class Running:
-    """A bridge in a thread; said: what it told."""
+    """A bridge in a thread; said: its messages."""
 
     def __init__(self, sensor: str, board: str, **options: Any) -> None:
         self.said: list[str] = []
@@ -292,14 +292,14 @@ class ListeningBus:
     """A bus of listeners: keeps what it was sent. talk: frames that the listeners send; broken: it fails."""
 
     def __init__(self) -> None:
-        self.heard: list[int] = []
+        self.received: list[int] = []
         self.talk: list[can.Message] = []
         self.broken = False
 
     def send(self, message: can.Message, timeout: float | None = None) -> None:
         if self.broken:
             raise can.CanOperationError("gone")
-        self.heard.append(message.arbitration_id)
+        self.received.append(message.arbitration_id)
 
     def recv(self, _timeout: float | None = None) -> can.Message | None:
         return self.talk.pop() if self.talk else None
@@ -322,7 +322,7 @@ def test_listeners_of_a_bridge_see_both_sides_and_move_nothing(sides: tuple[Serv
         tap.serve()
         assert tap.discarded == 3 and bus.talk == []
         wanted = {protocol()[name].identifier for name in ("SAMPLE_A", "STEP", "RAW_A", "QUAD_ANGLE", "TIME", "ACK")}
-        assert wanted <= set(bus.heard)
+        assert wanted <= set(bus.received)
         bus.broken = True
         steps = running.bridge.steps
         running.wait_for(lambda: running.bridge.steps > steps + 10)

@@ -1,4 +1,4 @@
-/* A host of the native board, over UART or over CAN: it asks and hears, saves parameters, begins a run and
+/* A host of the native board, over UART or over CAN: it asks and receives, saves parameters, begins a run and
  * arms. Included once, by test_main_loop.c. */
 #ifndef PLUMB_TESTS_LOOP_HOST_H
 #define PLUMB_TESTS_LOOP_HOST_H
@@ -26,8 +26,8 @@ typedef enum { OVER_UART, OVER_CAN, WAYS } way_t;
 static way_t way;
 static uint8_t counter;
 static slcan_rx_t parser;
-static can_frame_t heard[FRAMES_MAX];
-static size_t heard_count;
+static can_frame_t received[FRAMES_MAX];
+static size_t received_count;
 static bool keeps_alive;
 
 static void put(const can_frame_t *f) {
@@ -65,8 +65,8 @@ static void note(const can_frame_t *f) {
         CHECK(!"a frame of the board is damaged");
         return;
     }
-    if (heard_count < FRAMES_MAX) {
-        heard[heard_count++] = *f;
+    if (received_count < FRAMES_MAX) {
+        received[received_count++] = *f;
     }
     if (keeps_alive && f->id == MESSAGE_KEEPALIVE_VALUE_ID) {
         say(MESSAGE_KEEPALIVE_ID, half_of(f), word_of(f));
@@ -103,9 +103,9 @@ static void pass(uint32_t us) {
 
 /* The last frame with this identifier since `say`; NULL: none. */
 static const can_frame_t *last(uint16_t id) {
-    for (size_t i = heard_count; i > 0; i--) {
-        if (heard[i - 1U].id == id) {
-            return &heard[i - 1U];
+    for (size_t i = received_count; i > 0; i--) {
+        if (received[i - 1U].id == id) {
+            return &received[i - 1U];
         }
     }
     return NULL;
@@ -113,14 +113,14 @@ static const can_frame_t *last(uint16_t id) {
 
 static size_t count_of(uint16_t id) {
     size_t count = 0;
-    for (size_t i = 0; i < heard_count; i++) {
-        count += heard[i].id == id;
+    for (size_t i = 0; i < received_count; i++) {
+        count += received[i].id == id;
     }
     return count;
 }
 
 static uint32_t ask(uint16_t id, uint16_t half, uint32_t word, uint16_t answer) {
-    heard_count = 0;
+    received_count = 0;
     say(id, half, word);
     pass(5000);
     const can_frame_t *const f = last(answer);
@@ -142,7 +142,7 @@ static void open_link(void) {
 
 static bool execute(uint16_t verb) {
     const uint32_t nonce = ask(MESSAGE_CHALLENGE_ID, verb, ASKER, MESSAGE_NONCE_ID);
-    heard_count = 0;
+    received_count = 0;
     say(MESSAGE_EXECUTE_ID, verb, nonce ^ ASKER);
     pass(5000);
     return last(MESSAGE_ACK_ID) != NULL && last(MESSAGE_NACK_ID) == NULL;

@@ -24,21 +24,21 @@ static void check_framing(void) {
     for (unsigned n = 0; n < 20000; n++) {
         const can_frame_t sent = random_frame();
         uint8_t text[SLCAN_FRAME_CHARS];
-        can_frame_t heard = {0};
+        can_frame_t received = {0};
         slcan_event_t event = SLCAN_NOTHING;
 
         CHECK(e2e_check(&sent));
         CHECK(slcan_encode(&sent, text) == SLCAN_FRAME_CHARS);
         for (unsigned i = 0; i < sizeof text; i++) {
             CHECK(event == SLCAN_NOTHING);
-            event = slcan_rx_push_byte(&rx, text[i], &heard);
+            event = slcan_rx_push_byte(&rx, text[i], &received);
         }
-        CHECK(event == SLCAN_FRAME && memcmp(&heard, &sent, sizeof sent) == 0);
-        /* Noise up to a CR, and the next frame is heard again. */
+        CHECK(event == SLCAN_FRAME && memcmp(&received, &sent, sizeof sent) == 0);
+        /* Noise up to a CR, and the next frame is received again. */
         for (unsigned i = check_random() % 64U; i > 0; i--) {
-            (void)slcan_rx_push_byte(&rx, (uint8_t)(check_random() & 0xFFU), &heard);
+            (void)slcan_rx_push_byte(&rx, (uint8_t)(check_random() & 0xFFU), &received);
         }
-        (void)slcan_rx_push_byte(&rx, SLCAN_CR, &heard);
+        (void)slcan_rx_push_byte(&rx, SLCAN_CR, &received);
     }
 }
 
@@ -115,7 +115,7 @@ static void check_crc(void) {
  * dropped by halves. */
 static void check_queue(void) {
     static outbox_t box;
-    static uint8_t expected[1U << 16], heard[1U << 16];
+    static uint8_t expected[1U << 16], received[1U << 16];
     uint32_t in = 0, out = 0;
     can_frame_t frame;
 
@@ -125,7 +125,7 @@ static void check_queue(void) {
         const size_t count = check_random() % (OUTBOX_TEXT + 1U);
         const size_t taken = outbox_pop_text(&box, text, check_random() % sizeof text);
 
-        memcpy(&heard[out], text, taken);
+        memcpy(&received[out], text, taken);
         out += (uint32_t)taken;
         if (outbox_room(&box) == 0) {
             continue;
@@ -142,8 +142,8 @@ static void check_queue(void) {
             in += (uint32_t)count;
         }
     }
-    out += (uint32_t)outbox_pop_text(&box, &heard[out], sizeof heard - out);
-    CHECK(out == in && memcmp(expected, heard, in) == 0);
+    out += (uint32_t)outbox_pop_text(&box, &received[out], sizeof received - out);
+    CHECK(out == in && memcmp(expected, received, in) == 0);
     CHECK(outbox_room(&box) == OUTBOX_ENTRIES);
 
     for (unsigned n = 0; n < 200; n++) {

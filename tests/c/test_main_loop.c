@@ -27,7 +27,7 @@ static void lockstep_digests_are_the_core_s(uint32_t system) {
     control_t core;
     control_init(&core, &p.control);
     begin(MESSAGE_RUN_BEGIN_RUN_LOCKSTEP);
-    heard_count = 0;
+    received_count = 0;
     for (uint16_t step = 0; step < SAMPLES; step++) {
         const int16_t raw[PLUMB_RAW_MAX] = {(int16_t)(1600 + step), 2048, 3000};
         can_frame_t f = {.id = MESSAGE_SAMPLE_A_ID, .dlc = CAN_FRAME_DLC};
@@ -39,10 +39,10 @@ static void lockstep_digests_are_the_core_s(uint32_t system) {
         put(&f);
         pass(1000);
         control_step(&core, &p.control, raw, 0);
-        const can_frame_t *const told = last(MESSAGE_STEP_ID);
-        CHECK(told != NULL && half_of(told) == step);
-        CHECK(told != NULL && word_of(told) == digest_crc32((const uint8_t *)control_words(&core),
-                                                            control_words_bytes(&p.control)));
+        const can_frame_t *const newest = last(MESSAGE_STEP_ID);
+        CHECK(newest != NULL && half_of(newest) == step);
+        CHECK(newest != NULL && word_of(newest) == digest_crc32((const uint8_t *)control_words(&core),
+                                                                control_words_bytes(&p.control)));
     }
     CHECK(count_of(MESSAGE_STEP_ID) == SAMPLES);
     (void)ask(MESSAGE_RUN_END_ID, 0, 0, MESSAGE_ACK_ID);
@@ -51,16 +51,16 @@ static void lockstep_digests_are_the_core_s(uint32_t system) {
 static void live_steps_come_with_every_period(void) {
     begin(MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
     pass(100000);
-    heard_count = 0;
+    received_count = 0;
     pass(400000);
     CHECK(count_of(MESSAGE_STEP_ID) >= 99U && count_of(MESSAGE_STEP_ID) <= 101U);
     (void)ask(MESSAGE_RUN_END_ID, 0, 0, MESSAGE_ACK_ID);
 }
 
 /* Time in us, at most limit_us, until the board says this about a word of a frame; limit_us: it does not. */
-static uint32_t told_after_us(uint16_t id, unsigned byte, uint8_t bit, uint32_t limit_us) {
+static uint32_t reported_after_us(uint16_t id, unsigned byte, uint8_t bit, uint32_t limit_us) {
     uint32_t us = 0;
-    for (heard_count = 0; us < limit_us; us += 1000U) {
+    for (received_count = 0; us < limit_us; us += 1000U) {
         const can_frame_t *const f = last(id);
         if (f != NULL && (f->data[byte] >> bit & 1U) != 0U) {
             break;
@@ -72,8 +72,8 @@ static uint32_t told_after_us(uint16_t id, unsigned byte, uint8_t bit, uint32_t 
 
 /* The moment at which the periodic report is longest away. */
 static void wait_for_report(void) {
-    pass(50000); /* whatever changed before has been told */
-    heard_count = 0;
+    pass(50000); /* earlier changes have been reported */
+    received_count = 0;
     for (unsigned i = 0; i < 200U && last(MESSAGE_STATUS_ID) == NULL; i++) {
         pass(1000);
     }
@@ -81,14 +81,14 @@ static void wait_for_report(void) {
     pass(5000);
 }
 
-static void an_event_is_told_at_once(uint32_t system) {
+static void an_event_is_reported_at_once(uint32_t system) {
     const bool digital = declared(system)->sensors >= BOARD_SENSORS_BALANCE;
     system_board(system);
     begin(MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
     pass(200000);
     wait_for_report();
     native.faults = BOARD_FAULT_IMAGE;
-    CHECK(told_after_us(MESSAGE_STATUS_ID, 6, 3, 90000) <= 3000U);
+    CHECK(reported_after_us(MESSAGE_STATUS_ID, 6, 3, 90000) <= 3000U);
     native.faults = 0;
     wait_for_report();
     (void)ask(MESSAGE_DISARM_ID, 0, 0, MESSAGE_ACK_ID);
@@ -96,18 +96,18 @@ static void an_event_is_told_at_once(uint32_t system) {
     native.railed = digital ? 0U : 1U;
     if (declared(system)->sensors != BOARD_SENSORS_NONE) {
         const uint8_t bit = digital && (BOARD_SENSOR_NO_ANSWER & 1U) == 0U ? 1U : 0U;
-        CHECK(told_after_us(MESSAGE_SENSORS_ID, digital ? 4U : 2U, bit, 90000) <= 3000U);
+        CHECK(reported_after_us(MESSAGE_SENSORS_ID, digital ? 4U : 2U, bit, 90000) <= 3000U);
     }
     native.gyro = native.railed = 0U;
     /* What stays as it is waits for its turn. */
     wait_for_report();
-    heard_count = 0;
+    received_count = 0;
     pass(80000);
     CHECK(count_of(MESSAGE_STATUS_ID) == 0U && count_of(MESSAGE_EVENTS_ID) == 0U);
     CHECK(count_of(MESSAGE_COUNTERS_ID) == 0U && count_of(MESSAGE_SENSORS_ID) == 0U);
-    /* A counter that runs is told at once, and then not more often than every 20 ms. */
+    /* A counter that runs is reported at once, and then not more often than every 20 ms. */
     wait_for_report();
-    heard_count = 0;
+    received_count = 0;
     for (unsigned i = 0; i < 80U; i++) {
         can_frame_t f = {.id = MESSAGE_DISARM_ID, .dlc = CAN_FRAME_DLC};
         put(&f); /* without its CRC */
@@ -117,12 +117,12 @@ static void an_event_is_told_at_once(uint32_t system) {
     CHECK(count_of(MESSAGE_COUNTERS_ID) <= 5U);
 }
 
-static void disarming_is_told_at_once(uint32_t system) {
+static void disarming_is_reported_at_once(uint32_t system) {
     system_board(system);
     drive();
     wait_for_report();
     native.faults = BOARD_FAULT_IMAGE;
-    CHECK(told_after_us(MESSAGE_EVENTS_ID, 6, 3, 90000) <= 3000U);
+    CHECK(reported_after_us(MESSAGE_EVENTS_ID, 6, 3, 90000) <= 3000U);
     CHECK(last(MESSAGE_STATUS_ID) != NULL);
 }
 
@@ -188,7 +188,7 @@ static void host_is_silent(void) {
 static void bit_flips(void) {
     native_flip(check_random() % native_guarded_bytes(), check_random() % 8U);
 }
-static void fault_is_told(void) {
+static void fault_is_reported(void) {
     native.faults = BOARD_FAULT_IMAGE;
 }
 
@@ -216,7 +216,7 @@ static const trouble_t troubles[] = {
     {"power is cut", power_is_cut, true, true, true, true},
     {"host is silent", host_is_silent, true, true, true, true},
     {"bit flips", bit_flips, true, true, true, true},
-    {"fault is told", fault_is_told, true, true, true, true},
+    {"fault is reported", fault_is_reported, true, true, true, true},
 };
 
 static void trouble_leaves_the_outputs_safe(uint32_t system, const trouble_t *trouble) {
@@ -289,7 +289,7 @@ static void nothing_upsets_the_loop(uint32_t system) {
         if (native.state != NATIVE_RUNNING) {
             native_power_on();
         }
-        heard_count = 0;
+        received_count = 0;
     }
     native.faults = 0;
     native.arm_switch = 0;
@@ -310,13 +310,13 @@ int main(void) {
             system_board(system);
             lockstep_digests_are_the_core_s(system);
             live_steps_come_with_every_period();
-            an_event_is_told_at_once(system);
+            an_event_is_reported_at_once(system);
             /* A vehicle that flies is armed on pins of its own; two wheels are driven by none. */
             if (declared(system)->plausibility == NULL || declared(system)->output == CONTROL_OUTPUT_WHEELS) {
                 never_armed(system);
             } else {
                 silence_disarms();
-                disarming_is_told_at_once(system);
+                disarming_is_reported_at_once(system);
                 for (size_t i = 0; i < sizeof troubles / sizeof troubles[0]; i++) {
                     trouble_leaves_the_outputs_safe(system, &troubles[i]);
                 }

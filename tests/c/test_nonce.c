@@ -35,7 +35,7 @@ static void nonces(void) {
     (void)nonce_issue(&other, &random, VERB, 0U, NOW);
     CHECK(nonce_answer(&n, VERB, value, NOW)); /* another link's does not replace it */
 
-    /* Two hosts of one bus: both hear the nonce of the second, which counts for that one alone. */
+    /* Two hosts of one bus: both receive the nonce of the second, which counts for that one alone. */
     (void)nonce_issue(&n, &random, VERB, 7U, NOW);
     value = nonce_issue(&n, &random, VERB, 8U, NOW);
     CHECK(!nonce_answer(&n, VERB, value ^ 7U, NOW));

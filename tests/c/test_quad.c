@@ -122,7 +122,7 @@ static void rate_of_the_step_before(void) {
     }
 }
 
-static void limits_are_told(void) {
+static void limits_are_reported(void) {
     const plumb_params_t p = params();
     const int16_t raw[PLUMB_RAW_MAX] = {4095, -1, 4096};
     control_t c;
@@ -168,7 +168,7 @@ int main(void) {
     trusts();
     one_step();
     rate_of_the_step_before();
-    limits_are_told();
+    limits_are_reported();
     starts_afresh();
     return check_failures != 0;
 }

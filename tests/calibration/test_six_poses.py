@@ -59,7 +59,7 @@ class Clumsy:
     """Holds the body; what is done wrong, by the number of the request, is done once."""
 
     def __init__(self, bench: Bench, wrong: dict[int, Callable[[], None]], patience: int = 9) -> None:
-        self.bench, self.wrong, self.told, self.asked, self.patience = bench, wrong, list[str](), 0, patience
+        self.bench, self.wrong, self.refusals, self.asked, self.patience = bench, wrong, list[str](), 0, patience
         self.poses: list[str] = []
 
     def place(self, pose: Pose) -> None:
@@ -72,8 +72,8 @@ class Clumsy:
         self.place(end)
 
     def refused(self, reason: str) -> None:
-        self.told.append(reason)
-        if len(self.told) > self.patience:
+        self.refusals.append(reason)
+        if len(self.refusals) > self.patience:
             raise VerdictError(reason)
 
 
@@ -94,7 +94,7 @@ def calibrate(bench: Bench, **wrong: Callable[[], None]) -> tuple[Calibrated, Cl
 def test_the_result_is_that_of_the_part(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench(monkeypatch, name)
     found, clumsy = calibrate(bench)
-    assert (clumsy.told, clumsy.asked, bench.ended) == ([], 13, 1)
+    assert (clumsy.refusals, clumsy.asked, bench.ended) == ([], 13, 1)
     there, back = ["left side up", "front up", "level"], ["front up", "left side up", "level"]
     assert clumsy.poses == [*(pose.name for pose in poses.POSES), "level", *there, *back]
     after = {**found.table, **found.words}
@@ -137,12 +137,14 @@ def test_what_a_hand_does_wrong_is_refused_with_the_reason(bench: Bench) -> None
         n7=unsampled,
         n8=lambda: hand.put("upside down"),
     )
-    told = [text.partition(": ")[2].partition(":")[0] for text in clumsy.told]
-    assert clumsy.told[0].startswith("upside down: it reads the same as in the pose 'level'")
-    assert told[1].startswith("no side is up") and told[2].endswith("felt a motion"), told
-    assert told[3].startswith("the accelerometer is at its limit (axis x)")
-    assert told[4].startswith("only 50 of 100 samples came") and told[5].startswith("only 88 of 100 samples came")
-    assert len(told) == 6
+    refusals = [text.partition(": ")[2].partition(":")[0] for text in clumsy.refusals]
+    assert clumsy.refusals[0].startswith("upside down: it reads the same as in the pose 'level'")
+    assert refusals[1].startswith("no side is up") and refusals[2].endswith("felt a motion"), refusals
+    assert refusals[3].startswith("the accelerometer is at its limit (axis x)")
+    assert refusals[4].startswith("only 50 of 100 samples came") and refusals[5].startswith(
+        "only 88 of 100 samples came"
+    )
+    assert len(refusals) == 6
 
 
 def test_a_turn_that_goes_wrong_begins_again_from_level(bench: Bench) -> None:
@@ -153,9 +155,9 @@ def test_a_turn_that_goes_wrong_begins_again_from_level(bench: Bench) -> None:
         n8=lambda: hand.put("right side up"),
         n10=lambda: hand.put("left side up", share=-3.0, over_s=3.0),
     )
-    assert len(clumsy.told) == 2 and clumsy.asked == 17  # 9 and 11 are the rest before the turns
-    assert clumsy.told[0].startswith("'left side up' at the end of the turn: it is 180 degrees off")
-    assert "the gyro felt 270 degrees, for 90: turn it once, the short way" in clumsy.told[1]
+    assert len(clumsy.refusals) == 2 and clumsy.asked == 17  # 9 and 11 are the rest before the turns
+    assert clumsy.refusals[0].startswith("'left side up' at the end of the turn: it is 180 degrees off")
+    assert "the gyro felt 270 degrees, for 90: turn it once, the short way" in clumsy.refusals[1]
     assert found.after.turn_deg < 2.0
 
 

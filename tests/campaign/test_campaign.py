@@ -53,7 +53,7 @@ def test_a_resumed_campaign_runs_what_is_missing_alone(tmp_path: Path, monkeypat
     assert run == [range(6, 8), range(10, 12)]
 
 
-def test_a_limit_without_a_figure_is_told_after_the_first_batch_and_mended_with_resume(
+def test_a_limit_without_a_figure_is_reported_after_the_first_batch(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, out = tmp_path / "study.toml", tmp_path / "out"
@@ -231,10 +231,10 @@ def test_the_folder_has_the_runs_a_summary_and_a_page(tmp_path: Path, capsys: py
     for part in ("Figures", "Distribution of angle_rmse_deg", "What moves a figure", "plumb run quad --board native"):
         assert part in page, part
     capsys.readouterr()
-    beside = tmp_path / "beside"
+    compared = tmp_path / "compared"
     words = ["campaign", "quad", "--runs", "8", "--seconds", "2", "--tuning", "paper", "--against", str(out), "--json"]
-    assert main([*words, "--out", str(beside)]) == 0
-    page = (beside / "report.html").read_text(encoding="utf-8")
+    assert main([*words, "--out", str(compared)]) == 0
+    page = (compared / "report.html").read_text(encoding="utf-8")
     for part in (
         "Compared with the other campaign",
         "scenario motion, tuning paper, closed loop, 2 s. An",
@@ -257,9 +257,7 @@ def test_two_campaigns_do_not_write_to_one_folder(tmp_path: Path) -> None:
     assert len(rows(study, Where(1, out=out, resume=True))) == study.runs
 
 
-def test_a_campaign_beside_another_one_needs_its_runs_and_its_system(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_comparing_campaigns_needs_the_same_runs_and_system(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = tmp_path / "other"
     words = ["--runs", "16", "--seconds", "2", "--workers", "1"]
     assert main(["campaign", "quad", *words, "--out", str(other)]) == 0

@@ -74,8 +74,8 @@ def test_a_grade_gives_the_error_of_compare(system: str, grade: str, folder: Pat
     }  # fmt: skip
     found = results(table)
     motion = motion_of(recording.load(folder / NAMES[0]))
-    (told,) = compare([of_recordings([motion], grade, 3)], contenders([system]), lambda: None)
-    rows = {row.seed: row for row in told.rows}
+    (report,) = compare([of_recordings([motion], grade, 3)], contenders([system]), lambda: None)
+    rows = {row.seed: row for row in report.rows}
     for index in range(2):
         row = rows.get(index + 1) or rows[0]  # seed 0: a grade that draws nothing
         # The same errors, summed in another order.
@@ -95,10 +95,10 @@ def test_settings_of_a_tuning_are_varied_on_a_recording(folder: Path) -> None:
 def test_the_folder_is_that_of_the_study_or_of_the_environment(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = f'system = "attitude"\nrecording = "{NAMES[0]}"\nruns = 1\n'
     (folder / "studies").mkdir()
-    (folder / "studies" / "beside.toml").write_text(f'{text}recordings = ".."\n', encoding="utf-8")
+    (folder / "studies" / "next_to_it.toml").write_text(f'{text}recordings = ".."\n', encoding="utf-8")
     (folder / "studies" / "data.toml").write_text(text, encoding="utf-8")
     monkeypatch.delenv(DATA, raising=False)
-    assert main(["campaign", str(folder / "studies" / "beside.toml"), "--json"]) == 0
+    assert main(["campaign", str(folder / "studies" / "next_to_it.toml"), "--json"]) == 0
     assert main(["campaign", str(folder / "studies" / "data.toml"), "--json"]) == 2
     monkeypatch.setenv(DATA, str(folder))
     assert main(["campaign", str(folder / "studies" / "data.toml"), "--json"]) == 0

@@ -42,7 +42,7 @@ class Clumsy:
     """Holds the board; the first reading of a pose may be another pose."""
 
     def __init__(self, held: HeldBoard, wrong: dict[str, str]) -> None:
-        self.held, self.wrong, self.told = held, wrong, list[str]()
+        self.held, self.wrong, self.refusals = held, wrong, list[str]()
 
     def place(self, pose: Pose) -> None:
         self.held.put(self.wrong.pop(pose.name, pose.name))
@@ -51,7 +51,7 @@ class Clumsy:
         self.held.put(end.name)
 
     def refused(self, reason: str) -> None:
-        self.told.append(reason)
+        self.refusals.append(reason)
 
 
 @pytest.mark.slow
@@ -67,11 +67,11 @@ def test_wrong_signs_and_scales_are_found_and_a_wrong_pose_is_refused() -> None:
         clumsy = Clumsy(held, {"motor 0 up": "level", "upside down": "level"})
         found = Calibration(board.session).run(clumsy)
         assert by_name(parameter_table.read_table(board.session))["gyro.gain"] == -right["gyro.gain"]  # nothing written
-    assert [text.partition(":")[0] for text in clumsy.told] == ["motor 0 up", "upside down"]
-    assert "another pose" in clumsy.told[0] and "the same as in the pose 'level'" in clumsy.told[1]
+    assert [text.partition(":")[0] for text in clumsy.refusals] == ["motor 0 up", "upside down"]
+    assert "another pose" in clumsy.refusals[0] and "the same as in the pose 'level'" in clumsy.refusals[1]
     drawn = scenario("quiet", SEED)
     assert sorted(text.partition(" is mounted the other way")[0] for text in found.remarks) == ["accel_up", "gyro"]
-    # A turn by 90 deg is told by the accelerometer, and by a zero that is known to tenths of deg/s over the seconds
+    # A turn by 90 deg is measured by the accelerometer, and by a zero that is known to tenths of deg/s over the seconds
     # of the turn: 1 deg of 90, and a half more.
     assert found.words["gyro.gain"] == pytest.approx(right["gyro.gain"] / drawn.scale, rel=0.015)
     # A mean of 100 samples with 8 mg rms of noise is good to 1 mg, 1 count; scale and zero are of two: three times

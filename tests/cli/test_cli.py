@@ -95,12 +95,12 @@ def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert capsys.readouterr().err == "plumb: interrupted.\n"
 
 
-def test_the_system_that_a_command_takes_by_default_is_declared_and_told(
+def test_the_default_system_of_a_command_is_declared_and_printed(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = argparse.Namespace(system=None)
     name = options.system_with(asked, "replay")
-    options.tell_default(asked, name, "replay")
+    options.print_default(asked, name, "replay")
     others = [other for other in systems.with_part("replay") if other != name]
     said = f"system {name}, the default of replay; --system takes {', '.join(others)}, too\n"
     assert capsys.readouterr().err == said

@@ -37,16 +37,16 @@ def test_json_has_every_algorithm_on_every_input(tmp_path: Path, capsys: pytest.
     files = [swing(tmp_path), swing(tmp_path, "again.npz")]
     options = ["--decimate", "1", "--decimate", "3", "--grade", "recorded", "--grade", "bias", "--json"]
     assert front.main(["compare", *files, *options]) == 0
-    told = json.loads(capsys.readouterr().out)
-    names = [one["name"] for one in told["algorithms"]]
+    report = json.loads(capsys.readouterr().out)
+    names = [one["name"] for one in report["algorithms"]]
     assert names[:4] == ["VQF", "BasicVQF", "Madgwick", "Mahony"] and len(names) > 4
-    assert [one["origin"].split()[0] for one in told["algorithms"][:4]] == ["vqf", "vqf", "AHRS", "AHRS"]
-    assert [(one["grade"], one["decimate"]) for one in told["inputs"]] == [
+    assert [one["origin"].split()[0] for one in report["algorithms"][:4]] == ["vqf", "vqf", "AHRS", "AHRS"]
+    assert [(one["grade"], one["decimate"]) for one in report["inputs"]] == [
         ("recorded", 1), ("recorded", 3), ("bias", 1), ("bias", 3),
     ]  # fmt: skip
-    assert [one["input"] for one in told["inputs"]] == ["recorded", "recorded/3", "bias", "bias/3"]
-    assert "VQF" in told["inputs"][2]["outside"] and not told["inputs"][0]["outside"]
-    for one in told["inputs"]:
+    assert [one["input"] for one in report["inputs"]] == ["recorded", "recorded/3", "bias", "bias/3"]
+    assert "VQF" in report["inputs"][2]["outside"] and not report["inputs"][0]["outside"]
+    for one in report["inputs"]:
         seeds = [1, 2] if one["grade"] == "bias" else [0]
         keys = [(row["recording"], row["seed"], row["algorithm"]) for row in one["rows"]]
         can = [name for name in names if name != "attitude" or one["decimate"] == 1]  # which cannot have 30 ms
@@ -100,9 +100,9 @@ def test_a_missing_package_says_what_to_install(
 def test_motions_need_no_recording_and_name_their_rows(capsys: pytest.CaptureFixture[str]) -> None:
     chosen = ["--only", "dash-5", "--only", "arm-170", "--algorithm", "VQF", "--algorithm", "attitude"]
     assert front.main(["compare", "--motions", "--seeds", "2", *chosen, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert [one["input"] for one in told["inputs"]] == ["arm-170", "dash-5"]
-    assert [(row["seed"], row["algorithm"]) for row in told["inputs"][0]["rows"]] == [
+    report = json.loads(capsys.readouterr().out)
+    assert [one["input"] for one in report["inputs"]] == ["arm-170", "dash-5"]
+    assert [(row["seed"], row["algorithm"]) for row in report["inputs"][0]["rows"]] == [
         (1000, "VQF"), (1000, "attitude"), (1001, "VQF"), (1001, "attitude"),
     ]  # fmt: skip
 

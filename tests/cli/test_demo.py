@@ -92,7 +92,7 @@ def test_a_live_open_loop_takes_the_counts_of_the_scenario_and_knows_its_truth_t
 
 
 @pytest.mark.slow
-def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
+def test_a_live_run_sends_the_setpoints_as_they_change() -> None:
     """A step or two late, as over any link; which step was the first to use one the board says, so all is verified."""
     scenario = quad.scenario("motion", 1005, seconds=6.0)
     with VirtualBoard() as board:
@@ -105,7 +105,7 @@ def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
 
 
 def test_conversions_before_the_run_are_not_its_steps() -> None:
-    """Also where the counts alone would not tell: the sensor stands still."""
+    """Also where the counts alone would not show it: the sensor stands still."""
     taken = [Conversion(at * 0.01, 2048, {"tilt_deg": float(at)}) for at in range(60)]
     streamed = np.full((50, 6), 2048, np.int16)
     streamed[10] = 0  # lost on the link

@@ -1,4 +1,4 @@
-"""What the documents tell a reader to type is understood, and what they point at is there."""
+"""The commands in the documents parse, and the targets of their links exist."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def anchors(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_command_that_is_told_can_be_typed(page: Path) -> None:
+def test_every_documented_command_can_be_typed(page: Path) -> None:
     refused = []
     for line in commands(page):
         name, *rest = shlex.split(line)

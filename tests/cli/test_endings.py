@@ -162,7 +162,7 @@ def test_a_reader_that_leaves_before_the_verdict_is_no_0() -> None:
 @pytest.mark.parametrize("verdict", [0, 1])
 def test_a_stream_that_the_caller_closed_leads_to_nowhere(closed: str, verdict: int, tmp_path: Path) -> None:
     """No traceback, the verdict's exit code, and what is printed does not end up in a file that is opened next."""
-    body = f"file = open('file', 'w'); print('said'); print('told', file=sys.stderr); return {verdict}"
+    body = f"file = open('file', 'w'); print('said'); print('trouble', file=sys.stderr); return {verdict}"
     words = [sys.executable, "-c", in_the_way("ports", body), "ports"]
     command = f'exec "$@" {closed}'
     done = subprocess.run(
@@ -170,7 +170,7 @@ def test_a_stream_that_the_caller_closed_leads_to_nowhere(closed: str, verdict: 
     )
     assert done.returncode == verdict
     assert done.stdout == ("said\n" if closed in ("2>&-", "<&-") else "")
-    assert done.stderr == ("" if "2>&-" in closed else "told\n")
+    assert done.stderr == ("" if "2>&-" in closed else "trouble\n")
     assert (tmp_path / "file").read_text() == ""
 
 

@@ -163,7 +163,7 @@ def test_what_cannot_be_written_is_one_sentence(
 
 
 @pytest.mark.parametrize("name", ["photo.png", "nothing"])
-def test_a_file_of_another_kind_is_told_what_would_do(
+def test_a_file_of_another_kind_is_refused_with_the_kinds(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / name).write_bytes(b"\x89PNG\r\n")

@@ -1,4 +1,4 @@
-"""The distribution is `plumb-imu`. On PyPI `plumb` is another project, so no text may tell people to install it."""
+"""The distribution is `plumb-imu`. On PyPI `plumb` is another project, so no text may name it for installation."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_pattern_lets_the_right_ones_by(text: str) -> None:
     assert not FOREIGN.search(text)
 
 
-def test_no_text_tells_to_install_the_name_of_a_stranger() -> None:
+def test_no_text_says_to_install_the_name_of_a_stranger() -> None:
     found = [
         f"{path.relative_to(ROOT)}: {line.strip()}"
         for path in tracked_texts()

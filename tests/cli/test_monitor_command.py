@@ -128,16 +128,16 @@ def test_what_does_not_come_any_more_is_not_shown(board: UartBoard) -> None:
 
 def test_what_was_lost_is_counted(board: UartBoard) -> None:
     dropped = {b"t100": (7, 9), b"t304": (4,), b"t111": (4,)}
-    heard = dict.fromkeys(dropped, 0)
+    received = dict.fromkeys(dropped, 0)
 
     def spoil(data: bytes) -> bytes:
         """Two STEP, one ANGLE and one STATUS less, and one line of noise."""
         out = b""
         for line in data.splitlines(keepends=True):
             kind = line[:4]
-            if kind in heard:
-                heard[kind] += 1
-                if heard[kind] in dropped[kind]:
+            if kind in received:
+                received[kind] += 1
+                if received[kind] in dropped[kind]:
                     out += b"t1\r" if kind == b"t111" else b""
                     continue
             out += line

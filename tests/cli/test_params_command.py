@@ -467,10 +467,10 @@ def test_a_table_goes_into_a_pipe_or_a_device_and_does_not_replace_it(tmp_path: 
     link.symlink_to(target)
     parameter_file.write(link, text)
     assert link.is_symlink() and target.read_text() == text
-    pipe, heard = tmp_path / "pipe", []
+    pipe, received = tmp_path / "pipe", []
     os.mkfifo(pipe)
-    reader = threading.Thread(target=lambda: heard.append(pipe.read_text()))
+    reader = threading.Thread(target=lambda: received.append(pipe.read_text()))
     reader.start()
     parameter_file.write(pipe, text)
     reader.join()
-    assert pipe.is_fifo() and heard == [text]
+    assert pipe.is_fifo() and received == [text]

@@ -111,7 +111,7 @@ def test_a_change_with_wrong_values_is_none(board: UartBoard, capsys: Capture, f
     assert code == 2 and "nothing to undo" in err and len(err.splitlines()) == 1
 
 
-def test_a_change_that_cannot_be_kept_is_made_and_told(
+def test_a_change_that_cannot_be_kept_is_made_and_reported(
     board: UartBoard, capsys: Capture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("")

@@ -54,13 +54,13 @@ def test_bytes_of_a_served_line_are_the_sticks_of_a_run(options: list[str], rece
 
 
 def test_the_sensor_board_sends_the_sticks_of_its_scenario(capsys: pytest.CaptureFixture[str]) -> None:
-    heard = bytearray()
+    received = bytearray()
 
     def listen(server: socket.socket) -> None:
         client, _ = server.accept()
         with client:
             while part := client.recv(4096):
-                heard.extend(part)
+                received.extend(part)
 
     with socket.create_server(("127.0.0.1", 0)) as server:
         thread = threading.Thread(target=listen, args=(server,))
@@ -69,7 +69,7 @@ def test_the_sensor_board_sends_the_sticks_of_its_scenario(capsys: pytest.Captur
         arguments = ["sensor-board", "quadrotor", "--bus", "udp:0", "--open-loop", "--seconds", "1.5"]
         assert front.main([*arguments, "--sticks", f"tcp:127.0.0.1:{port}"]) == 0
         thread.join()
-    rows = by_twin(bytes(heard))
+    rows = by_twin(bytes(received))
     numbers = [row.words[5] for row in rows]
     assert len(rows) > 50 and numbers == list(range(1, len(rows) + 1))
     assert "samples sent" in capsys.readouterr().out

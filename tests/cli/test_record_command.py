@@ -132,7 +132,7 @@ def test_every_system_s_values_have_columns_of_their_own(
     assert len(set(head)) == len(head)
 
 
-def test_a_recording_tells_the_parameters_it_was_made_with(board: UartBoard, session: Session, tmp_path: Path) -> None:
+def test_a_recording_shows_the_parameters_it_was_made_with(board: UartBoard, session: Session, tmp_path: Path) -> None:
     path = tmp_path / "run.plog"
     recorded(board, session, path)
     log = log_replay.open_log(path)
@@ -313,12 +313,12 @@ def test_a_bus_is_recorded_without_a_word_and_what_is_missing_is_counted(
     """The second that it is to last is over when the last frame is in the log."""
     far = serve_bus("tcp:127.0.0.1:0")
     assert isinstance(far, AdapterBus)
-    angle, heard, read_only, stop = protocol()["QUAD_ANGLE"], [], set(), threading.Event()
+    angle, received, read_only, stop = protocol()["QUAD_ANGLE"], [], set(), threading.Event()
 
     def speak() -> None:
         counter = 0
         while not stop.is_set():
-            heard.append(far.recv(0.005))
+            received.append(far.recv(0.005))
             if far.open and counter < 40:
                 read_only.add(far.read_only)
                 data = angle.pack(counter & 15, 0, 1, counter) if counter != 9 else bytes(8)
@@ -349,7 +349,7 @@ def test_a_bus_is_recorded_without_a_word_and_what_is_missing_is_counted(
     summary = json.loads(capsys.readouterr().out)
     assert (summary["frames"], summary["rejected"], summary["lost"]) == (38, 1, 2)
     assert len(list(can.LogReader(log))) == 38
-    assert not any(heard) and read_only == {True}
+    assert not any(received) and read_only == {True}
 
 
 def test_a_good_link_passes_the_link_test(session: Session) -> None:

@@ -48,21 +48,21 @@ def test_noise_prints_figures_settings_and_the_line_that_sets_them(
     assert 0 < page.index("<svg") < page.index("<table"), "pictures stand before tables"
     assert "Gyro: Allan deviation" in page and page.count('<section class="still">') == 2
     assert page.count("<circle") > 50 and "averaging time (s)" in page
-    told = json.loads((tmp_path / "out" / "tune.json").read_text())
-    assert [one["name"] for one in told["signals"]] == ["gyr_x", "gyr_y", "gyr_z", "acc_x", "acc_y", "acc_z"]
+    report = json.loads((tmp_path / "out" / "tune.json").read_text())
+    assert [one["name"] for one in report["signals"]] == ["gyr_x", "gyr_y", "gyr_z", "acc_x", "acc_y", "acc_z"]
 
 
 def test_noise_json_can_be_used_as_a_tuning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
     options = ["--system", "quad", "--tuning", "constant", "--period-us", "10000", "--json"]
     assert front.main(["tune", "noise", rest_file(tmp_path), *options]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["system"], told["tuning"], told["period_us"]) == ("quad", "constant", 10_000)
+    report = json.loads(capsys.readouterr().out)
+    assert (report["system"], report["tuning"], report["period_us"]) == ("quad", "constant", 10_000)
     # 0.05^2 of the made-up rest; Allan deviations at short times are good to some per cent, their squares to twice
     # that.
-    assert told["settings"]["kalman.q_angle_deg2_per_s"] == pytest.approx(0.0025, rel=0.2)
-    assert told["refusal"] == ""
-    quantise(chosen_settings.changed(TUNINGS["constant"], told["settings"]))
+    assert report["settings"]["kalman.q_angle_deg2_per_s"] == pytest.approx(0.0025, rel=0.2)
+    assert report["refusal"] == ""
+    quantise(chosen_settings.changed(TUNINGS["constant"], report["settings"]))
 
 
 def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -128,11 +128,11 @@ def test_filter_prints_settings_and_consistency(tmp_path: Path, capsys: pytest.C
     printed = capsys.readouterr().out
     assert printed.startswith("swing.npz about x: 2000 steps of 10 ms; quad, tuning recording.")
     assert "Consistency of the filter" in printed and "plumb params set kalman.q_angle_deg2_per_s=" in printed
-    told = json.loads((tmp_path / "out" / "tune.json").read_text())
+    report = json.loads((tmp_path / "out" / "tune.json").read_text())
     # A variance of 2000 samples is known to sqrt(2 / 2000) = 3 %; three times that. The mean of what was fitted is 1
     # by the fit.
-    assert told["settings"]["trust.r_deg2"] == pytest.approx(0.5, rel=0.1)
-    assert told["after"]["mean_nis"] == pytest.approx(1.0, abs=0.02) and told["refusal"] == ""
+    assert report["settings"]["trust.r_deg2"] == pytest.approx(0.5, rel=0.1)
+    assert report["after"]["mean_nis"] == pytest.approx(1.0, abs=0.02) and report["refusal"] == ""
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Whiteness" in page and "Innovations after" in page
 
@@ -166,17 +166,17 @@ def board_recording(path: Path, steps: int = 1100) -> Path:
 def test_a_board_recording_is_tuned_with_its_own_parameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = str(board_recording(tmp_path / "run.plog"))
     assert front.main(["tune", "filter", run, "--json"]) in (0, 1)
-    told = json.loads(capsys.readouterr().out)
-    assert (told["system"], told["tuning"], told["period_us"]) == ("quad", "as recorded", 20_000)
-    assert told["settings_before"]["trust.r_deg2"] == pytest.approx(0.25, rel=1e-3)
+    report = json.loads(capsys.readouterr().out)
+    assert (report["system"], report["tuning"], report["period_us"]) == ("quad", "as recorded", 20_000)
+    assert report["settings_before"]["trust.r_deg2"] == pytest.approx(0.25, rel=1e-3)
     assert "was quad, not balancer" in refusal(["filter", run, "--system", "balancer"], capsys)
     assert "counts have its period" in refusal(["filter", run, "--period-us", "5000"], capsys)
     assert front.main(["tune", "noise", run, "--begin", "0", "--end", "22", "--json"]) == 1  # it moves: no R follows
-    told = json.loads(capsys.readouterr().out)
-    assert [one["name"] for one in told["signals"]] == ["gyro", "accel_y", "accel_z"]
+    report = json.loads(capsys.readouterr().out)
+    assert [one["name"] for one in report["signals"]] == ["gyro", "accel_y", "accel_z"]
     # In g: 1 - cos of the tilts of `quiet`, and noise of 8 mg.
-    assert told["signals"][2]["rms"] < 0.1 and told["period_us"] == 20_000
-    assert "more than 0" in told["refusal"] and told["apply"] == []
+    assert report["signals"][2]["rms"] < 0.1 and report["period_us"] == 20_000
+    assert "more than 0" in report["refusal"] and report["apply"] == []
 
 
 def test_pid_of_the_twin_has_the_margins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -186,12 +186,12 @@ def test_pid_of_the_twin_has_the_margins(tmp_path: Path, capsys: pytest.CaptureF
     assert printed.startswith("quad on native, steps of 20 ms; setpoint swung by 8 deg, 4 periods.")
     assert "plumb params set pid.kp_per_deg=" in printed and "after, measured" in printed
     assert re.search(r"^ +damping, 1/s +0 +0 to ", printed, re.MULTILINE), "at its bound, and no rounding of it"
-    told = json.loads((tmp_path / "out" / "tune.json").read_text())
+    report = json.loads((tmp_path / "out" / "tune.json").read_text())
     # 35 deg are asked for: before, the twin has clearly less; after, as much as the rounded gains leave. Measured at
     # few frequencies, with the noise of four periods: to 5 deg.
-    assert told["met"] and told["margins_before"]["phase_deg"] < 26.0
-    assert told["margins"]["phase_deg"] > 34.6 and told["margins_measured"]["phase_deg"] > 30.0
-    quantise(chosen_settings.changed(TUNINGS["adaptive"], told["settings"]))
+    assert report["met"] and report["margins_before"]["phase_deg"] < 26.0
+    assert report["margins"]["phase_deg"] > 34.6 and report["margins_measured"]["phase_deg"] > 30.0
+    quantise(chosen_settings.changed(TUNINGS["adaptive"], report["settings"]))
     assert "Loop gain: phase" in (tmp_path / "out" / "report.html").read_text()
 
 
@@ -208,7 +208,7 @@ def test_a_machine_does_not_move_without_consent(
     assert "a board is tested as it is" in said
 
 
-def test_a_broken_scipy_is_told_before_anything_moves(
+def test_a_broken_scipy_is_reported_before_anything_moves(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def opened(*_: object, **__: object) -> None:
@@ -238,7 +238,7 @@ def test_a_log_shorter_than_a_rest_is_one_sentence(tmp_path: Path, capsys: pytes
     assert "has no rest of 10 s" in refusal(["noise", str(short)], capsys)
 
 
-def test_a_folder_that_cannot_be_written_is_told_before_anything_moves(
+def test_a_folder_that_cannot_be_written_is_reported_before_anything_moves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def opened(*_: object, **__: object) -> None:

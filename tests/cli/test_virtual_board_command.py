@@ -172,10 +172,10 @@ def test_the_served_one_is_that_system(monkeypatch: pytest.MonkeyPatch) -> None:
     command = [sys.executable, "-m", "plumb", "virtual-board", "--serial", "tcp:0", "--system", "balancer"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        told = re.search(r"socket://[\d.:]+", process.stdout.readline())
-        assert told is not None
+        address = re.search(r"socket://[\d.:]+", process.stdout.readline())
+        assert address is not None
         try:
-            with Session.open(told[0]) as session:
+            with Session.open(address[0]) as session:
                 pins = session.connect()["PINS"]
         finally:
             process.terminate()
@@ -185,12 +185,12 @@ def test_the_served_one_is_that_system(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_kept_parameters_are_nobodys_to_replace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A board whose file holds a set comes up with that one, whatever system its plant is of."""
     kept = tmp_path / "board.flash"
-    told = []
+    starts = []
 
     def look(machine: Machine, where: str, stopped: object, **ends: Any) -> None:
         with Session.open(machine.uart) as session:
             identity = session.connect()
-            told.append((session.read_parameters()[0], identity["PINS"], identity["FAULTS"] >> FAULT_STRAP & 1))
+            starts.append((session.read_parameters()[0], identity["PINS"], identity["FAULTS"] >> FAULT_STRAP & 1))
             if not kept.exists():
                 session.upload(quantise(systems.load("quad").TUNINGS["adaptive"]).words(), period_us=20_000)
                 session.execute_idle("SAVE")
@@ -204,5 +204,5 @@ def test_kept_parameters_are_nobodys_to_replace(tmp_path: Path, monkeypatch: pyt
     assert front.main([*command, "--system", "balancer"]) == 0
     assert front.main([*command, "--strap", "bridge"]) == 0
     quad, balancer = 0, 1
-    assert told == [(quad, 0, 0), (quad, 1, 1), (balancer, 1, 0), (quad, 1, 0)]
+    assert starts == [(quad, 0, 0), (quad, 1, 1), (balancer, 1, 0), (quad, 1, 0)]
     assert front.main([*command, "--strap", "PB5"]) == 2

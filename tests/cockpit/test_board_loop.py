@@ -341,7 +341,7 @@ def test_a_board_that_is_restarted_ends_its_run_and_nothing_begins_by_itself(tmp
     other = Session.over(NativeCanBus(bench.board.mcu))
     bench.begin()
     bench.arm()
-    other.end()  # what the cockpit hears of it is what it hears of a restart: an idle board
+    other.end()  # to the cockpit it looks like a restart: an idle board
     bench.turn(1.0)
     assert not bench.loop.state["armed_here"] and not bench.loop.state["own_run"]
     assert "the run ended" in last_note(bench) and bench.pulses() == [NEUTRAL_HALFUS] * 2

@@ -53,7 +53,7 @@ def test_a_live_gain_changes_while_the_run_goes_on_and_the_light_stays_green(ben
         now = described(bench, "pid.kp_per_deg")
         assert now["value"] == pytest.approx(factor * before, rel=1e-3)
     words = bench.board.session.read_parameters()
-    assert list(words) == list(bench.loop._words), "what the pages are told is what the board has"
+    assert list(words) == list(bench.loop._words), "the pages get the table of the board"
 
 
 def test_an_armed_board_takes_a_live_gain_to_half_or_twice_and_nothing_else(bench: CockpitBench) -> None:

@@ -97,7 +97,7 @@ def test_a_pilot_who_falls_silent_in_the_air_is_held_then_landed(bench: TripBenc
     assert any("the receiver was lost" in text for _, text in bench.loop.notes)
 
 
-def test_only_the_page_that_holds_the_vehicle_is_heard(bench: TripBench) -> None:
+def test_only_the_page_that_holds_the_vehicle_steers(bench: TripBench) -> None:
     bench.loop.accept_sticks(PILOT + 1, Sticks(roll=1.0, on=True))
     bench.turn(0.1)
     assert not bench.loop.state["receiving"]
@@ -146,7 +146,7 @@ def test_a_stop_switches_the_rotors_off(bench: TripBench) -> None:
     assert not bench.loop.state["armed"]
 
 
-def test_a_throttle_that_is_not_low_arms_nothing_and_the_page_hears_why(bench: TripBench) -> None:
+def test_a_throttle_that_is_not_low_arms_nothing_and_the_page_says_why(bench: TripBench) -> None:
     bench.turn(6.0, on=False)
     bench.turn(1.0, on=True, throttle=0.5)
     assert not bench.loop.state["armed"] and bench.loop.state["why"]

@@ -125,7 +125,7 @@ def test_a_socket_of_another_page_is_refused(server: PageServer, origin: str | N
     assert asked(job) == 403
 
 
-def test_no_file_beside_the_page_is_served(server: PageServer) -> None:
+def test_no_file_outside_the_page_is_served(server: PageServer) -> None:
     async def job(client: aiohttp.ClientSession) -> None:
         for name in ("../hold.py", "%2e%2e%2fhold.py", "hold.py", "/etc/passwd", "index.html"):
             async with client.get(server.control_address + name) as answer:

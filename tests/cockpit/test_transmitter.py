@@ -17,7 +17,7 @@ def frames_of(radio: Transmitter, begin_ms: int, end_ms: int) -> bytes:
     return b"".join(radio.frames(ms * 1e-3) for ms in range(begin_ms, end_ms))
 
 
-def test_the_receiver_hears_150_frames_a_second_with_the_newest_sticks() -> None:
+def test_the_receiver_gets_150_frames_a_second_with_the_newest_sticks() -> None:
     radio = Transmitter(lambda: 0.0)
     radio.accept_sticks(Sticks())
     radio.accept_sticks(Sticks(roll=1.0, yaw=-1.0, throttle=0.5, on=True))

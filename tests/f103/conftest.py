@@ -23,7 +23,7 @@ FLAGS = [
 
 @pytest.fixture(scope="session")
 def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Name of a program here -> its ELF file, with .bin and .hex beside it; compiled once."""
+    """Name of a program here -> its ELF file, with .bin and .hex in the same folder; compiled once."""
     pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
     if shutil.which(COMPILER) is None:
         pytest.skip(f"{COMPILER} is not installed")

@@ -29,8 +29,8 @@ def test_the_example_boots_a_foreign_image(build: Callable[[str], Path]) -> None
 
 def test_the_example_says_at_which_rate_the_image_sends(build: Callable[[str], Path]) -> None:
     image = str(build("hello").with_suffix(".bin"))
-    told, *_ = run(str(EXAMPLE), image, "PC13", "115200")
-    baud = re.fullmatch(r"USART1 is set to (\d+) baud, what came is read at 115200: give BAUD", told)
+    line, *_ = run(str(EXAMPLE), image, "PC13", "115200")
+    baud = re.fullmatch(r"USART1 is set to (\d+) baud, what came is read at 115200: give BAUD", line)
     assert baud is not None
     assert run(str(EXAMPLE), image, "PC13", baud[1]) == [repr(b"hello\n"), "PC13 True"]
 

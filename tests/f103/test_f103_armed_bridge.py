@@ -57,7 +57,7 @@ def test_silence_switches_off_within_50_ms(rider: Balancer) -> None:
 
 
 @pytest.mark.slow
-def test_a_break_switches_off_at_once_is_told_and_needs_a_new_run(rider: Balancer) -> None:
+def test_a_break_switches_off_at_once_is_reported_and_needs_a_new_run(rider: Balancer) -> None:
     rider.machine.drive("PB12", False)
     assert not rider.machine.bridge().enabled
     assert rider.off_after_us(1000) == 0

@@ -229,7 +229,7 @@ def test_after_a_break_only_arming_switches_on_again(driver: Callable[..., Drive
         board.hall(state)
     board.machine.advance_us(10_000)
     assert not board.machine.bridge().enabled
-    assert board.faults == FAULT_BRIDGE  # told until it is cleared
+    assert board.faults == FAULT_BRIDGE  # reported until it is cleared
     board.say(CLEAR)
     assert board.faults == 0 and not board.machine.bridge().enabled
     board.say(ARM)

@@ -50,7 +50,7 @@ class Controller:
         self.write(base + 12, int.from_bytes(words[4:], "little"))
         self.write(base, identifier << 21 | 1)
 
-    def heard(self, us: int = 1000) -> list[int]:
+    def frames_on_bus(self, us: int = 1000) -> list[int]:
         self.machine.advance_us(us)
         return [frame.identifier for frame in self.wire.pop_frames()]
 
@@ -101,7 +101,7 @@ def test_what_silicon_ignores_is_ignored_and_said(can: Controller) -> None:
         "mailbox 0 is written while",
     ):
         assert where in said
-    assert can.heard() == [0x100]
+    assert can.frames_on_bus() == [0x100]
 
 
 def test_the_test_modes_take_the_node_off_the_bus_and_time_goes_on(can: Controller) -> None:
@@ -114,14 +114,14 @@ def test_the_test_modes_take_the_node_off_the_bus_and_time_goes_on(can: Controll
     can.write(MCR, 0)
     can.fill(0, 0x100)
     can.machine.advance_us(100_000)
-    assert can.heard() == []
+    assert can.frames_on_bus() == []
     assert any("loop back or silent mode" in text for text in can.machine.warnings)
     can.write(MCR, 1)
     can.machine.advance_us(100)
     can.write(BTR, BIT_8MHZ_500K)
     can.write(MCR, 0)
     can.machine.advance_us(10_000)
-    assert can.heard() == [0x100], "the frame that waited"
+    assert can.frames_on_bus() == [0x100], "the frame that waited"
 
 
 def bits_by_the_book(identifier: int, data: bytes) -> int:
@@ -162,8 +162,8 @@ def test_time_on_the_wire(can: Controller) -> None:
     can.start()
     can.fill(0, 0x123, b"\xaa" * 8)
     bits = frame_bits(frame(0x123, b"\xaa" * 8))
-    assert can.heard(2 * bits - 1) == []
-    assert can.heard(2) == [0x123]
+    assert can.frames_on_bus(2 * bits - 1) == []
+    assert can.frames_on_bus(2) == [0x123]
 
 
 @pytest.mark.parametrize(("mode", "order"), [(0, [0x100, 0x200, 0x300]), (TXFP, [0x300, 0x100, 0x200])])
@@ -175,7 +175,7 @@ def test_order_of_the_mailboxes(can: Controller, mode: int, order: list[int]) ->
         can.fill(box, identifier)
     assert can.read(TSR) >> 26 & 7 == 0
     can.wire.babble(None)
-    assert can.heard(2000) == order
+    assert can.frames_on_bus(2000) == order
     assert can.read(TSR) >> 26 & 7 == 7
     assert can.read(TSR) & 0x030303 == 0x030303  # RQCP and TXOK of all three
     can.write(TSR, 0x010101)
@@ -186,9 +186,9 @@ def test_the_lower_identifier_wins_the_bus(can: Controller) -> None:
     can.start()
     can.wire.babble(frame(0x200))
     can.fill(0, 0x201)
-    assert can.heard(3000) == []
+    assert can.frames_on_bus(3000) == []
     can.fill(1, 0x1FF)
-    assert can.heard(3000) == [0x1FF]
+    assert can.frames_on_bus(3000) == [0x1FF]
 
 
 def test_an_abort_empties_a_mailbox_that_waits(can: Controller) -> None:
@@ -199,14 +199,14 @@ def test_an_abort_empties_a_mailbox_that_waits(can: Controller) -> None:
     can.write(TSR, 1 << 7)
     assert can.read(TSR) & 0x0F == 1  # RQCP without TXOK
     can.wire.babble(None)
-    assert can.heard() == []
+    assert can.frames_on_bus() == []
 
 
 def test_one_shot(can: Controller) -> None:
     can.start(NART)
     can.wire.fail_sending.append(4)
     can.fill(0, 0x300)
-    assert can.heard() == []
+    assert can.frames_on_bus() == []
     assert can.read(TSR) & 0x0F == 9  # RQCP, TERR
     assert can.read(ESR) >> 16 & 0xFF == 8
 
@@ -308,7 +308,7 @@ def test_error_states_and_bus_off(can: Controller) -> None:
     assert not can.read(MSR) & INRQ  # out of initialisation, not yet on the bus
     can.machine.advance_us(128 * 11 * 2 - 40)
     assert can.read(ESR) & BOFF
-    assert can.heard(1000) == [0x100]
+    assert can.frames_on_bus(1000) == [0x100]
     assert can.read(ESR) & ~(7 << 4) == 0
 
 
@@ -316,7 +316,7 @@ def test_automatic_recovery_from_bus_off(can: Controller) -> None:
     can.start(ABOM)
     can.fill(0, 0x100)
     can.wire.fail_sending.extend([5] * 32)
-    assert can.heard(30_000) == [0x100]
+    assert can.frames_on_bus(30_000) == [0x100]
     assert can.read(ESR) & BOFF == 0
 
 
@@ -324,10 +324,10 @@ def test_alone_on_the_bus_it_never_goes_off(can: Controller) -> None:
     can.start()
     can.wire.acknowledged = False
     can.fill(0, 0x100)
-    assert can.heard(200_000) == []
+    assert can.frames_on_bus(200_000) == []
     assert can.read(ESR) == 128 << 16 | 3 << 4 | EPVF | EWGF
     can.wire.acknowledged = True
-    assert can.heard(1000) == [0x100]
+    assert can.frames_on_bus(1000) == [0x100]
 
 
 def test_receive_errors_count_up_and_down(can: Controller) -> None:

@@ -71,7 +71,7 @@ def test_a_dead_crystal_ends_in_the_fallback(board: NewBoard) -> None:
 @pytest.mark.parametrize(
     ("part", "flash_kib"), [("stm32f103c8", 64), ("stm32f103rct6", 256), ("stm32f103ret6", 512), ("stm32f103zet6", 512)]
 )
-def test_parts_tell_their_flash_size_and_a_seeded_id(board: NewBoard, part: str, flash_kib: int) -> None:
+def test_parts_report_their_flash_size_and_a_seeded_id(board: NewBoard, part: str, flash_kib: int) -> None:
     ids = []
     for seed in (1, 1, 2):
         b = board("clock", part=part, seed=seed)
@@ -157,7 +157,7 @@ def test_a_handler_that_needs_the_stack_that_failed_locks_the_core_up(board: New
     assert b.result(1) == 1
 
 
-def test_the_watchdog_bites_when_it_is_not_fed_and_flags_tell_why(board: NewBoard) -> None:
+def test_the_watchdog_resets_when_it_is_not_fed_and_flags_say_so(board: NewBoard) -> None:
     b = board("watchdog")
     machine = b.machine
     assert machine.run_until(lambda: machine.reset_count == 2, 1e6)

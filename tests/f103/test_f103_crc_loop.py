@@ -107,22 +107,23 @@ def test_registers_after_a_slice_are_those_of_every_turn(slices: tuple[int, ...]
 
 
 def flown(at_once: bool) -> tuple[object, ...]:
-    """What a live run leaves that is armed, watched and ended: all that two ways to count could tell apart."""
+    """The state after a live run that is armed, watched and ended: everything in which two ways to count could
+    differ."""
     machine = Machine(IMAGE, seed=3)
     machine.cpu.loops_at_once = at_once
     at_rest(machine)
     machine.advance_us(30_000)
-    heard = bytearray()
+    received = bytearray()
     session = Session.open(machine.uart)
     session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
     session.begin("REALTIME_LIVE", frames=["RAW_A", "RAW_B"])
     session.arm()
     for _ in range(20):
         session.receive(0.005)
-        heard += repr(session.telemetry).encode()
+        received += repr(session.telemetry).encode()
     session.close()
     cpu = machine.cpu
-    return bytes(heard), cpu.instructions, cpu.base, cpu.slept_ticks, cpu.pc, bytes(cpu.ram), machine.crc.dr
+    return bytes(received), cpu.instructions, cpu.base, cpu.slept_ticks, cpu.pc, bytes(cpu.ram), machine.crc.dr
 
 
 @pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")

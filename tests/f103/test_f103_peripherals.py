@@ -120,8 +120,8 @@ def test_a_wrong_baud_rate_gives_garbage_and_framing_errors(board: NewBoard) -> 
     b = started(board)
     b.machine.uart.baudrate = 115200
     b.machine.uart.write(b"U")
-    heard = b.machine.uart.read(1)
-    assert heard not in (b"", b"U")
+    received = b.machine.uart.read(1)
+    assert received not in (b"", b"U")
     assert b.result(1) & 2
 
 
@@ -323,7 +323,7 @@ def test_usart3_receives_by_interrupt_and_an_overrun_loses_the_later_byte(board:
 
 
 @pytest.mark.parametrize("why", ["output", "remapped", "no clock"])
-def test_usart3_hears_nothing_on_a_pin_that_is_not_its_own(board: NewBoard, why: str) -> None:
+def test_usart3_receives_nothing_on_a_pin_that_is_not_its_own(board: NewBoard, why: str) -> None:
     b = board("receive")
     machine = b.machine
     machine.advance_us(1000)

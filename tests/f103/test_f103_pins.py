@@ -36,7 +36,7 @@ def standard(image: Path) -> Machine:
 
 @pytest.fixture
 def bridged(standard: Machine) -> Machine:
-    """Told once, saved, switched off, rewired, switched on: a rotor at rest, and a gate driver that is happy."""
+    """Set once, saved, switched off, rewired, switched on: a rotor at rest, and a gate driver that is happy."""
     with Session.open(standard.uart) as session:
         session.upload(session.read_parameters()[:CONTROL_WORDS], pins=1, arm_hold_ms=0)
         session.execute("SAVE")
@@ -138,7 +138,7 @@ def test_its_uart_pins_drive_a_bridge_so_it_does_not_enter_the_bootloader(bridge
     [(lambda m: m.drive("PB12", False), FAULT_BRIDGE), (lambda m: m.drive("PB12", None), FAULT_BRIDGE),
      (lambda m: m.set_hall(0), FAULT_HALL), (lambda m: m.set_hall(7), FAULT_HALL)],
 )  # fmt: skip
-def test_break_and_broken_hall_wires_are_told_until_a_good_run_begins(
+def test_break_and_broken_hall_wires_are_reported_until_a_good_run_begins(
     bridged: Machine, what: Callable[[Machine], None], fault: int
 ) -> None:
     with Session.open(bridged.uart) as session:

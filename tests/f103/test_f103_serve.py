@@ -74,7 +74,7 @@ def exchange(address: str, data: bytes) -> bytes:
 
 
 def started(address: str) -> None:
-    """The board echoes: what it was told before it ran is lost, what is told from here on is not."""
+    """The board echoes: bytes sent before it ran are lost, later ones are not."""
     with serial.serial_for_url(address, 921600, timeout=0.2) as port:
         for knock in range(round(WAIT_S / 0.2)):
             port.write(b"<%d>" % knock)

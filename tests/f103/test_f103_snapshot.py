@@ -55,7 +55,7 @@ def board(request: pytest.FixtureRequest, image: bytes) -> Iterator[VirtualBoard
 
 def traffic(board: VirtualBoard, seconds: float = TRAFFIC_S) -> list[object]:
     """Every frame with the time it came, every change of the pins, and what the run leaves in memory."""
-    machine, session, heard = board.machine, board.session, []
+    machine, session, received = board.machine, board.session, []
     pins: list[object] = []
 
     def look(now: int) -> None:
@@ -68,9 +68,16 @@ def traffic(board: VirtualBoard, seconds: float = TRAFFIC_S) -> list[object]:
     session.set_setpoint(1 << 24)
     end_s = session.clock() + seconds
     while session.clock() < end_s:
-        heard.append((session.clock(), session.receive(0.002)))
+        received.append((session.clock(), session.receive(0.002)))
     machine.timeline.cancel("look")
-    return [heard, pins, list(machine.tim1.trace or []), machine.now, bytes(machine.cpu.ram), bytes(machine.cpu.flash)]
+    return [
+        received,
+        pins,
+        list(machine.tim1.trace or []),
+        machine.now,
+        bytes(machine.cpu.ram),
+        bytes(machine.cpu.flash),
+    ]
 
 
 def state(*roots: object) -> list[object]:
@@ -210,7 +217,7 @@ class Held:
 
 
 class Novel(Peripheral):
-    """A peripheral that the snapshot was never told of."""
+    """A peripheral that the snapshot does not know."""
 
     REGISTERS = (Register("data", 0x00),)
     data: int

@@ -129,7 +129,7 @@ def test_it_counts_in_sleep_and_through_an_erase_and_with_a_new_clock(watched: C
     assert 30 * fast_us < reset_after_us(b) <= 33 * fast_us
 
 
-def test_without_its_clock_it_stands_still_and_that_is_told(watched: Callable[..., RunningProgram]) -> None:
+def test_without_its_clock_it_stands_still_and_warns(watched: Callable[..., RunningProgram]) -> None:
     b = watched()
     b.machine.bus.write(CR, 4, WDGA | 0x7F)
     b.machine.rcc.write_apb1enr(0)

@@ -138,7 +138,7 @@ def test_what_was_written_goes_through_to_the_disk_while_the_file_grows(
     assert synced[-1][1] == "MainThread"
 
 
-def test_a_disk_that_fails_behind_the_recorder_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_fails_behind_the_recorder_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     failed = threading.Event()
 
     def fails(descriptor: int) -> None:

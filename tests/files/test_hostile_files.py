@@ -165,7 +165,7 @@ def test_a_hostile_file_is_one_sentence_or_a_result(name: str, block: int, folde
     try_block(tmp_path / called, block, lambda seed: make(random.Random(f"{name} {seed}"), folder), read)
 
 
-def test_a_field_with_a_line_break_is_told_on_one_line(tmp_path: Path) -> None:
+def test_a_field_with_a_line_break_is_reported_on_one_line(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     head = "time_s," + ",".join(
         f"{kind}_{axis}_{unit}" for kind, unit in (("gyr", "dps"), ("acc", "g")) for axis in "xyz"

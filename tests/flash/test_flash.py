@@ -145,7 +145,7 @@ def test_a_host_that_was_busy_looks_at_what_arrived(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
-def test_where_nobody_answers_the_steps_are_told(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_steps_are_printed_when_no_bootloader_answers(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A user may take its time with jumper and button."""
     with Bootloader(Faults(deaf_syncs=5)) as chip:
         assert flash(chip, small) == 0
@@ -237,7 +237,7 @@ def test_what_reads_back_wrong_is_exit_1_and_not_started(
         (Faults(deaf_syncs=10**6), "no bootloader answers: set BOOT0 to 1"),
         (Faults(nack={ERASE: 99}), "refused to erase page 0"),
         (Faults(nack={WRITE: 99}), "refused to be written at 0x08000000"),
-        (Faults(nack={GET: 99}), "refused to tell its version"),
+        (Faults(nack={GET: 99}), "refused to report its version"),
         (Faults(protected=True), "read protection"),
         (Faults(dies_after=1), "stopped answering"),
         (Faults(dies_after=100), "stopped answering"),

@@ -82,23 +82,23 @@ class Node:
     """The board's end of a line, on which any program may be talking."""
 
     def __init__(self) -> None:
-        self.heard = b""
+        self.received = b""
 
     def write(self, data: bytes) -> None:
-        self.heard += data
+        self.received += data
 
     def read(self, size: int) -> bytes:
-        return b"V1007\r" if self.heard.endswith(b"V\r") else b""
+        return b"V1007\r" if self.received.endswith(b"V\r") else b""
 
 
 def test_the_question_gets_its_answer_from_a_board(monkeypatch: pytest.MonkeyPatch) -> None:
     node = Node()
     monkeypatch.setattr(silent_port, "open_stream", lambda name, baud: ObjectStream(node))
     assert silent_port.answers_at("port", 115200).startswith(b"V1007\r")
-    assert node.heard == b"\rC\rV\r"
+    assert node.received == b"\rC\rV\r"
 
 
-def test_doctor_tells_why_and_ends_with_3(open_end: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_says_why_and_ends_with_3(open_end: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["doctor", "--board", f"serial:{open_end}", "--json"]) == 3
     said = json.loads(capsys.readouterr().out)
     assert not said["good"] and [one["detail"] for one in said["findings"]][-1] == silent_port.SILENT

@@ -138,7 +138,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *input, size_t length) {
     for (unsigned k = 0; k < CRSF_CHANNELS && sticks > 0U; k++) {
         REQUIRE(last[k] == reference_channel(expected.last, k));
     }
-    /* After so many bytes that begin no frame, the next frame is heard. */
+    /* After so many bytes that begin no frame, the next frame is received. */
     uint8_t crc = reference_crc(&statistics[2], sizeof statistics - 2U);
     receiver_push(&r, &c, quiet, sizeof quiet, 0U);
     receiver_push(&r, &c, statistics, sizeof statistics, 0U);

@@ -137,7 +137,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     for (size_t i = 1; i < size; i += piece) {
         push(&p, &data[i], size - i < piece ? size - i : piece);
     }
-    /* Whatever came before, the line after the next CR is heard. */
+    /* Whatever came before, the line after the next CR is received. */
     push(&p, good, sizeof good - 2U);
     can_frame_t frame;
     REQUIRE(slcan_rx_push_byte(&p.single, '\r', &frame) == SLCAN_FRAME && frame.id == 0x123);

@@ -1,4 +1,4 @@
-/* Two hosts at the mercy of the fuzzer's input: what they have heard, and what every frame and line of the
+/* Two hosts at the mercy of the fuzzer's input: what they have received, and what every frame and line of the
  * board has to keep. Included once, by fuzz_session.c. */
 #ifndef PLUMB_TESTS_SESSION_HOSTS_H
 #define PLUMB_TESTS_SESSION_HOSTS_H

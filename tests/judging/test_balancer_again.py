@@ -103,5 +103,5 @@ def test_the_row_of_the_papers_rule_depends_on_the_r_that_it_leaves_open() -> No
     assert tuning.trust.r_deg2 == 33.0
     measured = shipped.tilt_rms(rides[33.0]["tilt_measured"]) ** 2
     assert round(float(np.mean(measured))) == 51
-    told = {r_deg2: f"{np.mean(shipped.tilt_rms(ride['tilt'])):.2f}" for r_deg2, ride in rides.items()}
-    assert told == {33.0: "0.48", 51.0: "0.50", 58.0: "0.52"}
+    rounded = {r_deg2: f"{np.mean(shipped.tilt_rms(ride['tilt'])):.2f}" for r_deg2, ride in rides.items()}
+    assert rounded == {33.0: "0.48", 51.0: "0.50", 58.0: "0.52"}

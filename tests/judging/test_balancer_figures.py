@@ -39,8 +39,8 @@ def keyed(rows: Iterable[Figure]) -> Rows:
 @pytest.fixture(scope="module")
 def ridden(tmp_path_factory: pytest.TempPathFactory) -> Rows:
     seeds = figures.SEEDS[: campaign(6, 40)]
-    beside = balancer_figures.BESIDE if LONG else {}  # the tests of the source's filter are long
-    rows = lambda: keyed(balancer_figures.open_rows(seeds, beside))  # noqa: E731
+    compared = balancer_figures.COMPARED if LONG else {}  # the tests of the source's filter are long
+    rows = lambda: keyed(balancer_figures.open_rows(seeds, compared))  # noqa: E731
     return once_per_run(run_folder(tmp_path_factory), "balancer, open loop", rows)
 
 
@@ -81,14 +81,14 @@ def test_so_much_of_the_accelerometers_error_is_gone(ridden: Rows, scenario: str
 
 @pytest.mark.long
 @pytest.mark.parametrize(("scenario", "asked_deg"), [("rough", 0.48), ("smooth", 0.40)])
-def test_the_sources_filter_stands_beside_and_falls_short(ridden: Rows, scenario: str, asked_deg: float) -> None:
+def test_the_sources_filter_is_listed_and_falls_short(ridden: Rows, scenario: str, asked_deg: float) -> None:
     """With nothing taken off the figure is missed by a little with constants of its own, by more with the paper's rule;
     with the axle's acceleration taken off the very same constants come nearer."""
     own = ridden["tilt error", scenario, "tuned"].reached
     fitted, same, rule = (ridden["tilt error", scenario, name] for name in ("arctan_fitted", "arctan", "paper_rule"))
-    assert {row.sense for row in (fitted, same, rule)} == {"beside"} and {row.reach for row in (same, rule)} == {0.0}
+    assert {row.sense for row in (fitted, same, rule)} == {"compared"} and {row.reach for row in (same, rule)} == {0.0}
     wheel = ridden["tilt error", scenario, "paper_rule_wheel"]
-    assert wheel.sense == "beside" and own < wheel.reached < rule.reached, "its runs scatter: shown, and not judged"
+    assert wheel.sense == "compared" and own < wheel.reached < rule.reached, "its runs scatter: shown, and not judged"
     # 1.27 and 1.29 times what is asked, over seeds 1000 to 1039; beyond 1.4 it would be another filter.
     assert own < asked_deg < fitted.reached < same.reached < rule.reached < 1.4 * asked_deg
     assert ridden["corrected rate", scenario, "arctan"].sense == "shown"
@@ -136,7 +136,7 @@ def test_what_the_raw_rate_is_expected_to_be(ridden: Rows) -> None:
     assert row.met and row.reached == mean and row.reach == 1.7
     for scenario in ("rough", "smooth"):
         these = ridden["raw rate of these seeds", scenario, "-"]
-        assert these.sense == "beside" and abs(these.reached - mean) < 2.5 * scatter / np.sqrt(40)
+        assert these.sense == "compared" and abs(these.reached - mean) < 2.5 * scatter / np.sqrt(40)
         corrected = ridden["corrected rate", scenario, "tuned"]
         # 0.38 of 1.4 deg/s: the noise of 0.38 deg/s is left, the bias is gone.
         assert corrected.gyro_only == these.reached and corrected.reached < 0.3 * these.reached
@@ -247,12 +247,12 @@ def test_the_flash_image_stays_up(link: str, capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.long
-def test_the_page_tells_the_figures_that_come_out(ridden: Rows) -> None:
+def test_the_page_shows_the_figures(ridden: Rows) -> None:
     rows = re.findall(r"^\| `(\w+)` \|[^|]*\| ([\d.]+) \| ([\d.]+) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert {row[0] for row in rows} == set(balancer.TUNINGS)
     for tuning, rough, smooth in rows:
-        for scenario, told in (("rough", rough), ("smooth", smooth)):
-            assert told == f"{ridden['tilt error', scenario, tuning].reached:.3f}", (tuning, scenario)
+        for scenario, documented in (("rough", rough), ("smooth", smooth)):
+            assert documented == f"{ridden['tilt error', scenario, tuning].reached:.3f}", (tuning, scenario)
 
 
 @pytest.mark.slow
@@ -268,5 +268,5 @@ def test_the_complementary_filter_falls_short_of_the_kalman_filter() -> None:
 @pytest.mark.parametrize("road", ["rough", "smooth"])
 def test_the_shipped_filter_states_how_far_its_error_spreads_on_both_roads(road: str) -> None:
     """Spread about the mean by stated sigma, mean over 40 seeds: R of 33 deg^2 gives 0.33 on smooth."""
-    told = plumb.runs("balancer", scenario=road, open_loop=True, runs=40, first_seed=1000).table()["spread_per_sigma"]
-    assert 0.5 < np.mean(told) < 1.4
+    spread = plumb.runs("balancer", scenario=road, open_loop=True, runs=40, first_seed=1000).table()["spread_per_sigma"]
+    assert 0.5 < np.mean(spread) < 1.4

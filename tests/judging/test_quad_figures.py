@@ -188,7 +188,7 @@ def test_a_missed_figure_is_printed_as_missed() -> None:
         Figure("good", "motion", "paper", "deg rms", "near", 1.87, 1.95, 2.0, 1.95, 2.4, 71.0),
         Figure("not about", "motion", "paper", "%", "about", 20.0, 17.3),
         Figure("about", "motion", "paper", "%", "about", 20.0, 17.5),
-        Figure("beside", "motion", "paper", "deg rms", "shown", 0.0, 7.5, source="+-5 deg"),
+        Figure("compared", "motion", "paper", "deg rms", "shown", 0.0, 7.5, source="+-5 deg"),
     ]
     named = [("quad", row) for row in rows]
     lines = figures.render(named).splitlines()
@@ -210,9 +210,9 @@ def test_a_figure_that_numpy_computed_goes_into_json(sense: Sense) -> None:
     assert json.loads(json.dumps(row.to_json()))["met"] is True
 
 
-def test_a_short_table_keeps_what_was_asked_and_what_belongs_beside_it() -> None:
-    senses: tuple[Sense, ...] = ("at most", "at least", "near", "about", "beside", "shown")
+def test_a_short_table_keeps_targets_and_compared_rows() -> None:
+    senses: tuple[Sense, ...] = ("at most", "at least", "near", "about", "compared", "shown")
     rows = [("quad", Figure(f"row {sense}", "motion", "paper", "deg rms", sense, 1.0, 1.0)) for sense in senses]
     whole, short = (figures.render(rows, short=short).splitlines() for short in (False, True))
     assert [line[:14] for line in whole if line not in short] == ["row shown     "]
-    assert "row beside" in short[5] and not short[5].endswith("met"), "no verdict where nothing was asked"
+    assert "row compared" in short[5] and not short[5].endswith("met"), "no verdict without a target"

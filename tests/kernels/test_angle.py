@@ -26,7 +26,7 @@ def test_atan2_is_within_5e_6_deg() -> None:
 
 
 def test_atan2_around_the_eighths_of_the_turn() -> None:
-    """Where the octants meet, and beside the axes."""
+    """Where the octants meet, and next to the axes."""
     base = np.array([1 << 10, 12345, 1 << 20, 99999999, 1 << 30, INT32_MAX - 4])
     near = (base[:, None] + np.arange(-4, 5)).ravel()
     y, x = np.meshgrid(np.concatenate([near, -near, np.arange(-4, 5)]), np.concatenate([near, -near, np.arange(-4, 5)]))

@@ -89,7 +89,7 @@ def test_a_run_with_changes_of_its_gains_equals_the_model_in_every_step(system: 
     for _ in range(6):
         params = WILD[system](rng)
         core, model, still = native_core.Controller(params), run_fixed.Controller(params), run_fixed.Controller(params)
-        changed_at, told = int(rng.integers(1, 60)), False
+        changed_at, differed = int(rng.integers(1, 60)), False
         for step in range(120):
             raw = [int(count) for count in rng.integers(-32768, 32768, 6) >> int(rng.integers(0, 12))]
             if step == changed_at:
@@ -97,12 +97,12 @@ def test_a_run_with_changes_of_its_gains_equals_the_model_in_every_step(system: 
                 core.retune(params)
                 model.retune(params)
                 changed_at += int(rng.integers(1, 40))
-                told = True
+                differed = True
             core.step(raw, step << 18)
             model.step(raw, step << 18)
             still.step(raw, step << 18)
             assert core.digest() == model.digest(), step
-        assert told and model.digest() != still.digest()
+        assert differed and model.digest() != still.digest()
 
 
 def test_a_system_without_live_parameters_goes_on_as_it_was() -> None:

@@ -189,7 +189,7 @@ def test_a_host_that_leaves_its_run_to_the_switch_may_go(new_board: NewBoard) ->
     assert not board.armed
 
 
-def test_the_host_hears_why_it_was_left(new_board: NewBoard) -> None:
+def test_the_host_is_sent_the_reason_of_the_disarm(new_board: NewBoard) -> None:
     board = armed_board(new_board)
     with Session.open(board) as session:
         board.switch(False)

@@ -80,7 +80,7 @@ def test_a_gesture_begins_anew_with_the_link(field: Field) -> None:
     by_sticks.session.close()
 
 
-def test_a_receiver_that_is_not_heard_is_named_and_a_host_may_not_arm_either() -> None:
+def test_without_frames_from_the_receiver_nobody_may_arm() -> None:
     field = Field(b"")
     field.passes(4.0)
     assert field.missing == "no frames from the pilot's receiver"
@@ -228,7 +228,7 @@ def test_a_lost_sensor_is_left_to_the_step_which_stops_after_50_ms(field: Field)
     field.pilot(crsf.sticks(throttle=0.3, on=True), 0.3)
     field.board.wires.gyro = NO_DATA
     field.passes(0.04)
-    assert field.board.armed and field.session.telemetry["STATUS"]["faults"] & SENSOR, "told, and still flown"
+    assert field.board.armed and field.session.telemetry["STATUS"]["faults"] & SENSOR, "reported, and still flown"
     field.passes(0.2)
     assert not field.board.armed and field.pulses == [NEUTRAL_HALFUS] * 4
     assert "no samples came" in field.why_disarmed

@@ -64,7 +64,7 @@ def stand() -> Iterator[Stand]:
     one.session.close()
 
 
-def test_it_turns_four_rotors_when_it_is_armed_and_told_to(stand: Stand) -> None:
+def test_it_turns_four_rotors_when_it_is_armed_and_commanded(stand: Stand) -> None:
     stand.rests(3.0)
     stand.session.arm(ready_wait_s=0.0)
     stand.rests(0.1)

@@ -44,12 +44,12 @@ class ArmedRun:
         self.used: list[tuple[int, int]] = []
         self.tables = {parameters.crc32(list(self.table.values())): self.table}
         self.session.begin("REALTIME_LIVE", frames=["RAW_A", "RAW_B"])
-        self.session.listener = self._hear
+        self.session.listener = self._receive
         self.arm()
         self.capture.set_setpoint(STEER // 8)  # far from full command
         self.steps(SETTLED)
 
-    def _hear(self, frames: list[Frame]) -> None:
+    def _receive(self, frames: list[Frame]) -> None:
         message = self.session.protocol["PARAM_USED"]
         self.capture.feed(frames)
         self.used += [
@@ -307,7 +307,7 @@ def test_a_silent_host_that_only_commits_loses_the_board_in_50_ms(new_board: New
         sent = [session.frame("PARAM_SET", kp, words[kp])]
         frames.write_frames([*sent, session.frame("PARAM_COMMIT", len(words), parameters.crc32(words))])
         board.run_us(1000)
-        board.heard()
+        board.received()
     assert not board.armed and board.time_us - begin_us <= 50_000
     board.run_us(2000)
     assert board.pulses == (run.table["esc.neutral_halfus"],) * 2

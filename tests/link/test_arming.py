@@ -83,10 +83,12 @@ def test_pumping_keeps_it_alive_and_loses_nothing(new_board: NewBoard) -> None:
 
 def next_value(board: UartBoard) -> tuple[int, int]:
     """The next value that it issues, after the number of its arming; 0 for a value: none came."""
-    board.heard()
+    board.received()
     for _ in range(110):
         board.turn()
-        values = [(words["arming"], words["value"]) for name, words in said(board.heard()) if name == "KEEPALIVE_VALUE"]
+        values = [
+            (words["arming"], words["value"]) for name, words in said(board.received()) if name == "KEEPALIVE_VALUE"
+        ]
         if values:
             return values[-1]
     return 0, 0
@@ -136,24 +138,26 @@ def test_keep_alive_values_come_every_10_ms_only_while_armed(new_board: NewBoard
     board.run_us(100_000)
     board.baud(up_ns=BAUD_921600_NS)  # a tenth of what is asked for
     session.arm()
-    heard: list[tuple[int, int]] = []
+    received: list[tuple[int, int]] = []
     message = protocol()["KEEPALIVE_VALUE"]
 
     def note(frames: list[tuple[int, bytes]]) -> None:
-        heard.extend((board.time_us, data[1] & 15) for identifier, data in frames if identifier == message.identifier)
+        received.extend(
+            (board.time_us, data[1] & 15) for identifier, data in frames if identifier == message.identifier
+        )
 
     session.listener = note
     while board.time_us < 3_000_000:
         session.receive(0.001)
-    times_us = [time_us for time_us, _ in heard]
-    assert board.armed and len(heard) > 200
-    assert [counter for _, counter in heard] == [(heard[0][1] + i) & 15 for i in range(len(heard))]
+    times_us = [time_us for time_us, _ in received]
+    assert board.armed and len(received) > 200
+    assert [counter for _, counter in received] == [(received[0][1] + i) & 15 for i in range(len(received))]
     assert max(np.diff(times_us)) <= 12_000 and abs(np.mean(np.diff(times_us)) - 10_000) < 50
     session.disarm()
-    heard.clear()
+    received.clear()
     for _ in range(100):
         session.receive(0.001)
-    assert heard == []
+    assert received == []
     session.close()
 
 
@@ -217,7 +221,7 @@ def test_what_disarms(new_board: NewBoard, cause: object) -> None:
     session.close()
 
 
-def test_a_read_only_link_is_told_that_it_cannot_arm(new_board: NewBoard) -> None:
+def test_arming_from_a_read_only_link_is_refused(new_board: NewBoard) -> None:
     """No ARM comes through it, so what is blocked shows in STATUS alone."""
     board = new_board()
     session = Session(PlumbBus(board))

@@ -80,7 +80,7 @@ def test_a_voltage_that_is_not_read_again_is_not_known() -> None:
 
 
 @pytest.mark.parametrize("case", BLOCKS)
-def test_in_the_air_the_battery_is_told_and_takes_nothing_away(case: str) -> None:
+def test_in_the_air_the_battery_is_reported_and_takes_nothing_away(case: str) -> None:
     counts, text = BLOCKS[case]
     field = declared()
     field.arms()

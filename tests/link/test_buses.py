@@ -35,20 +35,20 @@ def frame(step: int) -> can.Message:
 
 @contextmanager
 def answering(bus: can.BusABC) -> Iterator[list[can.Message]]:
-    """The bus served by a thread, as a process of its own would: what it hears is kept."""
-    heard: list[can.Message] = []
+    """The bus served by a thread, as a process of its own would: its received frames are kept."""
+    received: list[can.Message] = []
     done = threading.Event()
 
     def serve() -> None:
         while not done.is_set():
             message = bus.recv(0.01)
             if message is not None:
-                heard.append(message)
+                received.append(message)
 
     thread = threading.Thread(target=serve)
     thread.start()
     try:
-        yield heard
+        yield received
     finally:
         done.set()
         thread.join()
@@ -70,12 +70,12 @@ def address_of(far: AdapterBus) -> str:
 def test_frames_go_both_ways_between_the_two_ends(spec: str) -> None:
     far = serve_bus(spec)
     assert isinstance(far, AdapterBus)
-    with answering(far) as heard, open_bus(address_of(far)) as near:
+    with answering(far) as received, open_bus(address_of(far)) as near:
         wait_for(lambda: far.open)
         for step in range(40):
             near.send(frame(step))
-        wait_for(lambda: len(heard) == 40)
-        assert [bytes(m.data) for m in heard] == [bytes(frame(step).data) for step in range(40)]
+        wait_for(lambda: len(received) == 40)
+        assert [bytes(m.data) for m in received] == [bytes(frame(step).data) for step in range(40)]
         for step in range(40):
             far.send(frame(step))
         back = [near.recv(WAIT_S) for _ in range(40)]
@@ -114,21 +114,21 @@ def test_an_adapter_answers_the_commands_that_stock_tools_send() -> None:
         (b"t1002AB01\r\r", b"\a\r"),
         (b"C\r", b"\r"),
     ]
-    with answering(far) as heard, serial.Serial(address_of(far).removeprefix("serial:"), timeout=WAIT_S) as port:
+    with answering(far) as received, serial.Serial(address_of(far).removeprefix("serial:"), timeout=WAIT_S) as port:
         for question, answer in transcript:
             port.write(question)
             assert port.read(len(answer)) == answer
-    assert [(m.arbitration_id, bytes(m.data)) for m in heard] == [(0x100, b"\xab\x01")]
+    assert [(m.arbitration_id, bytes(m.data)) for m in received] == [(0x100, b"\xab\x01")]
     far.shutdown()
 
 
 def test_python_cans_own_slcan_interface_talks_to_an_adapter() -> None:
     far = AdapterBus(open_endpoint("pty"))
     name = address_of(far).removeprefix("serial:")
-    with answering(far) as heard, open_bus(f"can:slcan:{name}@115200") as stock:
+    with answering(far) as received, open_bus(f"can:slcan:{name}@115200") as stock:
         wait_for(lambda: far.open)
         stock.send(frame(7))
-        wait_for(lambda: len(heard) == 1)
+        wait_for(lambda: len(received) == 1)
         far.send(frame(9))
         answer = stock.recv(WAIT_S)
     assert answer is not None and bytes(answer.data) == bytes(frame(9).data)
@@ -138,8 +138,8 @@ def test_python_cans_own_slcan_interface_talks_to_an_adapter() -> None:
 def test_a_can_bus_is_any_interface_of_python_can() -> None:
     with open_bus("can:virtual:pair@250") as one, open_bus("can:virtual:pair@250") as other:
         one.send(frame(3))
-        heard = other.recv(WAIT_S)
-    assert heard is not None and heard.arbitration_id == ANGLE.identifier
+        received = other.recv(WAIT_S)
+    assert received is not None and received.arbitration_id == ANGLE.identifier
 
 
 def test_a_log_gives_its_frames_in_order_and_then_ends(tmp_path: Path) -> None:
@@ -150,8 +150,8 @@ def test_a_log_gives_its_frames_in_order_and_then_ends(tmp_path: Path) -> None:
             message.timestamp = 1000.0 + 0.01 * step
             log(message)
     bus = LogBus(path)
-    heard = [bus.recv(1.0) for _ in range(5)]
-    assert [bytes(m.data) for m in heard if m] == [bytes(frame(step).data) for step in range(5)]
+    received = [bus.recv(1.0) for _ in range(5)]
+    assert [bytes(m.data) for m in received if m] == [bytes(frame(step).data) for step in range(5)]
     assert bus.recv(0.0) is None and bus.ended
     bus.shutdown()
 
@@ -207,18 +207,18 @@ def test_a_far_end_waits_on_this_machine_only() -> None:
 
 def test_an_endless_line_does_not_grow() -> None:
     far = AdapterBus(open_endpoint("tcp:0"))
-    honest, kept, heard_bytes = far._line.read, [], [0]
+    honest, kept, received_bytes = far._line.read, [], [0]
 
     def read() -> bytes:
         kept.append(len(far._pending))
         data = honest()
-        heard_bytes[0] += len(data)
+        received_bytes[0] += len(data)
         return data
 
     far._line.read = read  # type: ignore[method-assign]
     with answering(far), PlumbBus(address_of(far)) as near:
         near.write_text(b"x" * 200_000)
-        wait_for(lambda: heard_bytes[0] >= 200_000)
+        wait_for(lambda: received_bytes[0] >= 200_000)
     assert max(kept) <= 64
     far.shutdown()
 
@@ -255,12 +255,12 @@ def test_a_client_that_is_busy_for_a_while_loses_nothing(kind: str) -> None:
         said = b"".join(b"t1008%016X\r" % number for number in range(2800))
         for at in range(0, len(said), 220):
             line.write(said[at : at + 220])
-        heard = read()
+        received = read()
         end = time.monotonic() + WAIT_S
-        while len(heard) < len(said) and time.monotonic() < end:
+        while len(received) < len(said) and time.monotonic() < end:
             line.read()
-            heard += read()
-        assert heard == said
+            received += read()
+        assert received == said
     line.close()
 
 
@@ -281,28 +281,29 @@ def client_of(line: TcpEndpoint) -> socket.socket:
     return socket.create_connection(("127.0.0.1", int(line.address.rpartition(":")[2])))
 
 
-def heard_on(line: TcpEndpoint, text: bytes) -> list[bool]:
+def receive_on(line: TcpEndpoint, text: bytes) -> list[bool]:
     """Reads until it has come; whether somebody was there after each read."""
-    heard, there = b"", []
+    received, there = b"", []
     end = time.monotonic() + WAIT_S
-    while heard != text:
-        assert time.monotonic() < end, heard
-        heard += line.read()
+    while received != text:
+        assert time.monotonic() < end, received
+        received += line.read()
         there.append(line.connected)
     return there
 
 
 def test_who_comes_when_the_one_before_has_just_gone_is_served() -> None:
-    """However late the line looks: what both said is heard in order, and between the two nobody was there."""
+    """However late the line looks: the bytes of both clients arrive in order, and between the two no client was
+    there."""
     line = open_endpoint("tcp:0")
     assert isinstance(line, TcpEndpoint)
     with client_of(line) as first:
         first.sendall(b"a")
-        heard_on(line, b"a")
+        receive_on(line, b"a")
         first.sendall(b"the last of the first")
     with client_of(line) as second:
         second.sendall(b", and the second")
-        there = heard_on(line, b"the last of the first, and the second")
+        there = receive_on(line, b"the last of the first, and the second")
         assert False in there and there[-1]
         with client_of(line) as third:
             third.settimeout(WAIT_S)

@@ -25,9 +25,9 @@ def units() -> dict[str, set[str]]:
     for path in sorted(FIRMWARE.rglob("*.[ch]")):
         unit = path.relative_to(FIRMWARE).with_suffix("").as_posix()
         for name in re.findall(r'^#include "(.+)\.h"', path.read_text(encoding="utf-8"), re.MULTILINE):
-            beside = path.parent / f"{name}.h"
+            header = path.parent / f"{name}.h"
             public = f"include/{name}" if name.startswith("plumb/") else name
-            other = beside.relative_to(FIRMWARE).with_suffix("").as_posix() if beside.exists() else public
+            other = header.relative_to(FIRMWARE).with_suffix("").as_posix() if header.exists() else public
             if other != unit:
                 found.setdefault(unit, set()).add(other)
     return found

@@ -181,10 +181,10 @@ def test_both_links_at_once() -> None:
     at_rest(machine)
     uart.upload(control, period_us=5000, arm_hold_ms=0)
     assert bus.read_parameters() == uart.read_parameters()
-    heard: dict[str, list[int]] = {"uart": [], "can": []}
+    received: dict[str, list[int]] = {"uart": [], "can": []}
     step = uart.protocol["STEP"].identifier
     for name, session in (("uart", uart), ("can", bus)):
-        steps = heard[name]
+        steps = received[name]
         session.listener = lambda frames, steps=steps: steps.extend(
             int.from_bytes(data[2:4], "little") for identifier, data in frames if identifier == step
         )
@@ -195,7 +195,7 @@ def test_both_links_at_once() -> None:
         uart.receive(0.0)
     assert bus.telemetry["STATUS"]["armed"] == uart.telemetry["STATUS"]["armed"] == 1
     uart.receive(0.01)
-    assert set(heard["can"][5:-5]) <= set(heard["uart"]) and len(heard["can"]) > 50
+    assert set(received["can"][5:-5]) <= set(received["uart"]) and len(received["can"]) > 50
     with pytest.raises(LinkError, match="from another link"):
         uart.request("PARAM_COMMIT", 1, 0)
     value = bus.protocol["KEEPALIVE_VALUE"]
@@ -252,20 +252,20 @@ def test_what_belongs_to_one_link_is_no_use_on_the_other() -> None:
     bus.close()
 
 
-def test_what_a_run_used_is_told_on_both_links() -> None:
+def test_the_parameters_of_a_run_are_reported_on_both_links() -> None:
     machine = open_machine()
     uart, bus = Session.open(machine.uart), Session.over(MachineBus(machine))
     used = uart.protocol["SETPOINT_USED"].identifier
-    heard: dict[str, list[int]] = {"uart": [], "can": []}
+    received: dict[str, list[int]] = {"uart": [], "can": []}
     for name, session in (("uart", uart), ("can", bus)):
-        session.listener = lambda frames, kept=heard[name]: kept.extend(
+        session.listener = lambda frames, kept=received[name]: kept.extend(
             int.from_bytes(data[4:8], "little") for identifier, data in frames if identifier == used
         )
     bus.begin("REALTIME_LIVE")
     bus.set_setpoint(12345)
     listen(bus, 0.1)
     uart.receive(0.01)
-    assert heard == {"uart": [12345], "can": [12345]}
+    assert received == {"uart": [12345], "can": [12345]}
     uart.close()
     bus.close()
 
@@ -287,15 +287,15 @@ def test_lockstep_goes_at_the_pace_of_who_began_it() -> None:
     bus.close()
 
 
-def test_stock_python_can_hears_and_asks(board: VirtualBoard) -> None:
+def test_stock_python_can_receives_and_asks(board: VirtualBoard) -> None:
     """The in-process bus is a python-can bus like any other."""
     bus = board.session.bus
     assert isinstance(bus, can.BusABC)
     message = board.session.protocol["PARAM_GET"]
     bus.send(can.Message(arbitration_id=message.identifier, data=message.pack(0, 0, 5, 0), is_extended_id=False))
     wanted = board.session.protocol["PARAM_VALUE"].identifier
-    heard = [bus.recv(0.05) for _ in range(8)]
-    assert wanted in [frame.arbitration_id for frame in heard if frame is not None]
+    received = [bus.recv(0.05) for _ in range(8)]
+    assert wanted in [frame.arbitration_id for frame in received if frame is not None]
 
 
 @pytest.mark.parametrize(

@@ -237,7 +237,7 @@ def test_a_frame_of_inputs_has_the_signs_of_the_commands() -> None:
     assert rows[-1].words[:4] == pytest.approx((8000, 1000, -2000, 3000), abs=40) and rows[-1].words[4] == 3
 
 
-def test_a_parser_whose_counts_were_damaged_writes_nowhere_else_and_hears_the_next_frame() -> None:
+def test_a_parser_whose_counts_were_damaged_writes_nowhere_else_and_takes_the_next_frame() -> None:
     """Its memory has no check word: a flipped bit in it is as one on the line, and must stay so."""
     stream, harmed = crsf.sticks() * 2, ctypes.c_uint32()
     for length in (0, 1, 2, 25, 26, 27, 28, 64, 128, 255):

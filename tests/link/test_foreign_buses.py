@@ -131,7 +131,7 @@ def test_a_full_queue_is_waited_for() -> None:
         ("can:slcan:/nothere", "check that the adapter is plugged in"),
     ],
 )
-def test_an_interface_that_is_not_there_is_told_what_to_do_about(spec: str, remedy: str) -> None:
+def test_a_missing_interface_gets_a_remedy(spec: str, remedy: str) -> None:
     with pytest.raises(LinkError, match=re.escape(remedy)):
         open_bus(spec)
 
@@ -207,19 +207,19 @@ def test_a_peer_that_is_no_board_is_link_trouble(handler: Handler, monkeypatch: 
 def served() -> Iterator[tuple[SocketcandBus, list[can.Message]]]:
     """A socketcand server with somebody who reads it."""
     bus = SocketcandBus(0)
-    heard: list[can.Message] = []
+    received: list[can.Message] = []
     stop = threading.Event()
 
     def serve() -> None:
         while not stop.is_set():
             message = bus.recv(0.005)
             if message is not None:
-                heard.append(message)
+                received.append(message)
 
     thread = threading.Thread(target=serve)
     thread.start()
     try:
-        yield bus, heard
+        yield bus, received
     finally:
         stop.set()
         thread.join()
@@ -246,14 +246,14 @@ def ours(address: str) -> can.BusABC:
 def test_frames_go_both_ways_over_socketcand(opened: Callable[[str], can.BusABC]) -> None:
     """python-can's own client and the one that stands in for it."""
     other = can.Message(arbitration_id=0x18FF50E5, data=b"\x01\x02", is_extended_id=True)
-    with served() as (bus, heard), opened(bus.address) as near:
+    with served() as (bus, received), opened(bus.address) as near:
         for message in (GOOD, other):
             near.send(message)
-        wait_for(lambda: len(heard) == 2)
+        wait_for(lambda: len(received) == 2)
         for message in (GOOD, other):
             bus.send(message)
         back = [near.recv(WAIT_S) for _ in range(2)]
-    for said in (heard, back):
+    for said in (received, back):
         assert [(m.arbitration_id, m.is_extended_id, bytes(m.data)) for m in said if m is not None] == [
             (m.arbitration_id, m.is_extended_id, bytes(m.data)) for m in (GOOD, other)
         ]
@@ -263,15 +263,15 @@ def test_a_socketcand_serves_several_clients_as_a_wire_does() -> None:
     """What one sends, the board and the other clients receive, and not the sender; the board's frames come to all; one
     that does not read, or leaves, holds up nobody."""
     telemetry = can.Message(arbitration_id=0x100, data=bytes(8), is_extended_id=False)
-    with served() as (bus, heard), ours(bus.address) as near, stock(bus.address) as logger:
+    with served() as (bus, received), ours(bus.address) as near, stock(bus.address) as logger:
         host, port = bus.address.split(":")
         with socket.create_connection((host, int(port))) as deaf:
             deaf.sendall(
                 b"< open can0 >< rawmode >< echo >< nonsense >< send 123 8 1 >< send 123 9 0 0 0 0 0 0 0 0 0 >"
             )
-            wait_for(lambda: bus.heard == 3)
+            wait_for(lambda: bus.raw_clients == 3)
             near.send(GOOD)
-            wait_for(lambda: len(heard) == 1)
+            wait_for(lambda: len(received) == 1)
             for _ in range(3000):
                 bus.send(telemetry)
             said = deaf.recv(1000)
@@ -281,7 +281,7 @@ def test_a_socketcand_serves_several_clients_as_a_wire_does() -> None:
             GOOD.arbitration_id,
             bytes(GOOD.data),
         )
-        wait_for(lambda: bus.heard == 2)
+        wait_for(lambda: bus.raw_clients == 2)
         for listener in (logger, near):
             message = listener.recv(WAIT_S)
             assert message is not None and message.arbitration_id == 0x100
@@ -315,18 +315,22 @@ def test_text_that_is_no_frame_is_let_by_and_counted() -> None:
         until_closed(client)
 
     with peer(talk) as address, ours(address) as bus:
-        heard = [bus.recv(WAIT_S) for _ in range(3)]
+        received = [bus.recv(WAIT_S) for _ in range(3)]
         assert isinstance(bus, SocketcandClient) and bus.malformed >= 3
-    assert [(m.arbitration_id, bytes(m.data)) for m in heard if m] == [(0x7FF, b"\1\2"), (0x123, b""), (0x124, b"\xaa")]
+    assert [(m.arbitration_id, bytes(m.data)) for m in received if m] == [
+        (0x7FF, b"\1\2"),
+        (0x123, b""),
+        (0x124, b"\xaa"),
+    ]
 
 
 def test_a_second_client_is_turned_away_at_once_and_the_first_stays() -> None:
     line = TcpEndpoint(0)
     address = line.address.removeprefix("socket://")
-    heard: list[bytes] = []
+    received: list[bytes] = []
 
     def served() -> bool:
-        heard.append(line.read())
+        received.append(line.read())
         return line.connected
 
     with open_bus(f"tcp:{address}") as first:
@@ -338,7 +342,7 @@ def test_a_second_client_is_turned_away_at_once_and_the_first_stays() -> None:
         line.write(b"t3048" + bytes(GOOD.data).hex().upper().encode() + b"\r")
         answer = first.recv(WAIT_S)
     assert answer is not None and bytes(answer.data) == bytes(GOOD.data)
-    assert b"".join(heard) == b"\rC\rO\r"  # nothing of what the second said
+    assert b"".join(received) == b"\rC\rO\r"  # nothing of what the second said
     line.close()
 
 

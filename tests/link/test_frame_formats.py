@@ -75,7 +75,7 @@ def test_a_cut_file_is_read_up_to_the_last_whole_line_and_says_so(tmp_path: Path
     assert "cut.gz is cut in line" in " ".join(notes)
 
 
-def test_differences_are_told(tmp_path: Path) -> None:
+def test_differences_are_reported(tmp_path: Path) -> None:
     said = decoded(tmp_path / "a", FORMS["candump -td"][0](ROWS))[1]
     assert said == ["a: its times are differences (candump -td): they are summed"]
     assert decoded(tmp_path / "a", FORMS["candump -tz"][0](ROWS))[1] == []
@@ -115,7 +115,7 @@ def test_an_unknown_file_is_refused_with_the_formats(tmp_path: Path) -> None:
     assert "$COLUMNS" in said and "save it as version 2.1" in said
 
 
-def test_frames_of_another_bus_are_told_from_a_bus_without_a_run(
+def test_frames_of_another_bus_are_reported_from_a_bus_without_a_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = [(at, i | 0x600, data) for at, i, data in frame_texts.drawn_rows(random.Random(1), 1000)]

@@ -64,7 +64,7 @@ class Flight:
             self.field.transmit(crsf.statistics(0))
         self.passes(self.without_transmitter, seconds)
 
-    def hears_again(self) -> None:
+    def receives_again(self) -> None:
         self.passes(crsf.statistics(100) + self.flown, 0.2)
 
     def flickers(self) -> None:
@@ -100,7 +100,7 @@ def happens(flight: Flight) -> None:
         elif way == 1:
             flight.loses(flight.chance.uniform(LOST_S, LOST_S + HELD_S - 2 * LATE_S))
             assert flight.armed and turns(flight.field.pulses), "held"
-            flight.hears_again()
+            flight.receives_again()
         else:
             flight.flickers()
         assert flight.armed and turns(flight.field.pulses)

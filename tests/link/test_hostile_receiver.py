@@ -29,7 +29,7 @@ class Row(ctypes.Structure):
     """receiver_turn_t of tests/c/link_functions.c."""
 
     _fields_ = [(name, ctypes.c_int32) for name in (
-        "heard", "on", "off", "lost", "number", "throttle", "roll", "pitch", "yaw", "switches", "receiver",
+        "live", "on", "off", "lost", "number", "throttle", "roll", "pitch", "yaw", "switches", "receiver",
     )]  # fmt: skip
 
 
@@ -83,7 +83,7 @@ def obeyed_of(line: Line, rows: Sequence[Row]) -> list[Obeyed]:
 
 
 def lost_spans(line: Line) -> Iterator[tuple[float, float]]:
-    """When the receiver has said that it hears no transmitter, certainly: begin and end."""
+    """Times in which the receiver has certainly said that it has no signal: begin and end."""
     ends = [*line.qualities[1:], (line.now_us + 10 * SILENCE_US, 1)]
     for (begin_us, quality), (end_us, _) in zip(line.qualities, ends, strict=True):
         if quality == 0 and end_us - begin_us > LATE_US + 2 * TURN_US:
@@ -111,12 +111,12 @@ def test_the_receiver_is_lost_100_ms_after_the_last_frame_and_while_the_quality_
         for turn, row in enumerate(rows):
             newest = turn if turn in obeyed else newest
             silent = (turn - newest) * TURN_US > SILENCE_US
-            assert not (row.heard and silent), f"seed {seed}, turn {turn}"
-            assert row.heard or silent or row.lost, f"seed {seed}, turn {turn}"
+            assert not (row.live and silent), f"seed {seed}, turn {turn}"
+            assert row.live or silent or row.lost, f"seed {seed}, turn {turn}"
         for begin_us, end_us in lost_spans(line):
             inside = range(int(begin_us) // TURN_US + 1, int(end_us) // TURN_US)
             assert not obeyed & set(inside), f"seed {seed}: a frame without a transmitter"
-            assert not any(rows[turn].heard for turn in inside), f"seed {seed}"
+            assert not any(rows[turn].live for turn in inside), f"seed {seed}"
 
 
 @pytest.mark.parametrize("block", range(campaign(3, WHOLE)))
@@ -133,13 +133,13 @@ def test_a_switch_turns_by_three_frames_in_a_row_and_off_is_seen_in_as_many(bloc
 
 
 def asked(obeyed: Sequence[Obeyed], rows: Sequence[Row], turn: int, position: int, *, seen: bool) -> bool:
-    """Three frames in a row have asked for this position, the last of them in this turn. seen: the receiver was heard
-    from the first on."""
+    """Three frames in a row have asked for this position, the last of them in this turn. seen: the receiver's frames
+    came from the first on."""
     lasts = [place for place, one in enumerate(obeyed) if one.turn == turn]
     triples = [obeyed[place - EQUAL + 1 : place + 1] for place in lasts if place >= EQUAL - 1]
     return any(
         all(one.said.switch == position for one in triple)
-        and not (seen and any(not rows[at].heard for at in range(triple[0].turn, turn)))
+        and not (seen and any(not rows[at].live for at in range(triple[0].turn, turn)))
         for triple in triples
     )
 
@@ -156,9 +156,9 @@ def test_what_comes_between_costs_two_frames_at_most(block: int) -> None:
             between = [one for one in line.said if end_us < one.end_us - FRAME_US and one.end_us < begin_us]
             for one in between[2:4]:
                 turn = int(one.end_us) // TURN_US + 1
-                heard = not any(begin - LATE_US < one.end_us < end + LATE_US for begin, end in lost_spans(line))
+                live = not any(begin - LATE_US < one.end_us < end + LATE_US for begin, end in lost_spans(line))
                 costly += (
-                    heard
+                    live
                     and not rows[turn].lost
                     and not any(serial == one.serial and at <= turn for at, serial in known)
                 )

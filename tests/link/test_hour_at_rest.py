@@ -67,9 +67,7 @@ def test_an_hour_at_rest_disarms_nothing(system: str, tuning: str, made: object,
 
 @pytest.mark.parametrize("channel", [0, 1, 2])
 @pytest.mark.parametrize(("system", "tuning", "made"), CASES, ids=["analog", "digital"])
-def test_one_dead_channel_is_noticed_beside_the_noise_of_the_others(
-    system: str, tuning: str, made: object, channel: int
-) -> None:
+def test_one_dead_channel_is_detected_among_noisy_ones(system: str, tuning: str, made: object, channel: int) -> None:
     assert callable(made)
     counts = made(2000, 5000, np.random.default_rng(3))
     counts[1000:, channel] = counts[1000, channel]

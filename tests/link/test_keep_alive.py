@@ -118,7 +118,7 @@ def fall_silent(machine: Machine, one_period: Callable[[bool], None], safe: Call
 
 
 def assert_latched(session: Session, one_period: Callable[[bool], None], safe: Callable[[], bool]) -> None:
-    """A host that is back, keep-alives and all, moves nothing, and is told why."""
+    """A host that is back, keep-alives and all, moves nothing, and gets the reason."""
     end_s = session.clock() + LATCHED_US * 1e-6
     while session.clock() < end_s:
         one_period(True)
@@ -154,7 +154,7 @@ def test_the_bridge_of_balancer(link: str, run: str) -> None:
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize("name", sorted(set(systems.SYSTEMS) - {"quad", "balancer"}))
 def test_what_moves_nothing_cannot_be_armed(link: str, name: str) -> None:
-    machine = Machine(find_image(Path(name) if name in images.beside_all() else None))
+    machine = Machine(find_image(Path(name) if name in images.left_out_of_all() else None))
     machine.advance_us(30_000)
     system = systems.load(name)
     session = opened(machine, link)

@@ -14,13 +14,13 @@ from support.noise import with_noise
 from support.piloted_board import HOLD_S, LEVEL, OFF, ON, PARAMS, PERIOD_S, Field
 
 HOVER = "attitude.aid_hover_q15"
-TOLD_Q15 = PARAMS.own()[HOVER]
+SET_Q15 = PARAMS.own()[HOVER]
 SHARE, FULL_Q15 = 0.6, 32767
 
 
 @pytest.fixture
 def landed() -> Field:
-    """After a flight with 0.6 of the throttle, where 0.44 was told: 1 g is felt, so this is the thrust of a hover."""
+    """After a flight with 0.6 of the throttle, where 0.44 was set: 1 g is felt, so this is the thrust of a hover."""
     field = Field()
     field.passes(4.0)
     field.pilot(ON, HOLD_S + 0.2)
@@ -43,23 +43,23 @@ def saved(field: Field) -> int:
 
 
 def test_the_first_take_off_after_a_save_knows_the_hover(landed: Field) -> None:
-    assert by_name(read_table(landed.session))[HOVER] == TOLD_Q15
+    assert by_name(read_table(landed.session))[HOVER] == SET_Q15
     found = saved(landed)
-    assert found == pytest.approx(SHARE * FULL_Q15, rel=0.03) and found != TOLD_Q15
+    assert found == pytest.approx(SHARE * FULL_Q15, rel=0.03) and found != SET_Q15
 
 
-def test_without_save_the_next_start_knows_what_was_told(landed: Field) -> None:
+def test_without_save_the_next_start_has_the_committed_value(landed: Field) -> None:
     landed.session.close()
     landed.board.mcu.power_off()
     landed.board.mcu.power_on()
     with Session.open(landed.board) as session:
-        assert by_name(read_table(session))[HOVER] == TOLD_Q15
+        assert by_name(read_table(session))[HOVER] == SET_Q15
 
 
 def test_a_value_that_is_set_after_the_flight_is_the_one_that_is_saved(landed: Field) -> None:
-    told = TOLD_Q15 - 1000
-    commit(landed.session, {**by_name(read_table(landed.session)), HOVER: told})
-    assert saved(landed) == told
+    changed = SET_Q15 - 1000
+    commit(landed.session, {**by_name(read_table(landed.session)), HOVER: changed})
+    assert saved(landed) == changed
 
 
 def test_a_save_while_it_flies_is_refused() -> None:
@@ -67,7 +67,7 @@ def test_a_save_while_it_flies_is_refused() -> None:
     field.arms()
     with pytest.raises(NackError, match="a run is on"):
         field.session.execute("SAVE")
-    assert by_name(read_table(field.session))[HOVER] == TOLD_Q15
+    assert by_name(read_table(field.session))[HOVER] == SET_Q15
 
 
 def test_samples_of_a_host_teach_nothing() -> None:
@@ -81,4 +81,4 @@ def test_samples_of_a_host_teach_nothing() -> None:
         session.send(sample_frames(session.protocol, step, with_noise(LEVEL, step, 6), layout=layout))
         session.receive(PERIOD_S)
     session.end()
-    assert saved(field) == TOLD_Q15
+    assert saved(field) == SET_Q15

@@ -68,7 +68,7 @@ def test_a_bad_line_ends_in_neutral_outputs_and_the_link_comes_back(machine: Mac
     assert pulses_us(machine) == (NEUTRAL_US, NEUTRAL_US)
     again = Session.open(machine.uart)
     assert again.identity is not None and again.identity.mismatch is None
-    end = again.clock() + 0.3  # what is told every 100 ms is from now
+    end = again.clock() + 0.3  # reports of every 100 ms are from now
     while again.clock() < end:
         again.receive(0.005)
     status, said = again.telemetry["STATUS"], again.identity["FAULTS"]

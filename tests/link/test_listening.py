@@ -10,7 +10,7 @@ from plumb.boards import open_link_board
 from plumb.errors import LinkError
 from plumb.link import monitor
 from plumb.link.listening import LATEST, TIME_EVERY_S, BoardWait, Listening
-from plumb.link.monitor import EVERY_S, SILENCE_S, require_heard
+from plumb.link.monitor import EVERY_S, SILENCE_S, require_frames
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
 from plumb.link.session import Session
 from plumb.spec.protocol import Frame
@@ -187,13 +187,13 @@ def test_a_slow_board_falls_silent_in_its_own_time() -> None:
             session.listening.total_s += 0.5
         session.listening.board_says(200_000)
         session.listening.quiet_s = 4.9 * SILENCE_S
-        require_heard(session)
+        require_frames(session)
         session.listening.quiet_s = 5.1 * SILENCE_S
         with pytest.raises(LinkError, match="fell silent"):
-            require_heard(session)
+            require_frames(session)
 
 
-def test_what_this_process_did_not_read_is_told(clock: Clock) -> None:
+def test_frames_that_this_process_did_not_read_are_reported(clock: Clock) -> None:
     listening = Listening(clock)
     clock.now_s += 0.02
     read(listening, clock, 0.1, 0.1, brought=True)
@@ -231,7 +231,7 @@ def stalls(session: Session, seconds: float, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(session.frames, "read_frames", late)
 
 
-def test_a_host_that_is_suspended_hears_its_board(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_host_that_is_suspended_still_receives_its_board(monkeypatch: pytest.MonkeyPatch) -> None:
     with open_link_board("virtual") as board:
         session = board.session
         stalls(session, 2.0 * SILENCE_S, monkeypatch)

@@ -38,7 +38,7 @@ def digests_of(raw: np.ndarray, setpoint: np.ndarray) -> np.ndarray:
         return Lockstep(session).run(raw, setpoint)
 
 
-def test_batches_single_steps_and_words_tell_the_same(new_board: NewBoard) -> None:
+def test_batches_single_steps_and_words_agree(new_board: NewBoard) -> None:
     raw, setpoint = input_of(300, 1, channels=6)
     whole = digests_of(raw, setpoint)
     with Session.open(new_board()) as session:
@@ -172,7 +172,7 @@ def test_sixteen_in_flight_and_no_more(new_board: NewBoard) -> None:
         assert [words["step"] for name, words in answers if name == "STEP"] == list(range(nack["detail"]))
 
 
-def test_a_gap_is_told_once_with_the_step_that_is_missing(new_board: NewBoard) -> None:
+def test_a_gap_is_reported_once_with_the_step_that_is_missing(new_board: NewBoard) -> None:
     board = new_board()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
@@ -346,7 +346,7 @@ def test_injected_in_real_time_holds_the_last_sample_and_counts(new_board: NewBo
     session.close()
 
 
-def test_the_turntable_is_told_that_there_is_no_sample(new_board: NewBoard) -> None:
+def test_the_turntable_gets_the_mark_of_a_missing_sample(new_board: NewBoard) -> None:
     """A sample of the gyro that is held would be one more sample of the gyro."""
     board = new_board()
     session = Session.open(board)
@@ -377,7 +377,7 @@ def test_in_real_time_the_first_sample_says_where_the_numbers_are(new_board: New
     session.close()
 
 
-def test_replies_tell_their_request(new_board: NewBoard) -> None:
+def test_replies_name_their_request(new_board: NewBoard) -> None:
     board = new_board()
     with Session.open(board) as session:
         session.protocol = replace(session.protocol)

@@ -1,4 +1,4 @@
-"""An arming has one holder: a host that slept through the end of its own, or that hears another's, holds nothing and
+"""An arming has one holder: a host that slept through the end of its own, or that receives another's, holds nothing and
 steers nothing. Two hosts on one CAN bus, and what each frame of the board says about an arming."""
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def test_an_order_ends_it_at_once(two: Two, ends: Callable[[Session], object]) -
 
 
 def test_the_nonce_of_one_host_does_not_arm_for_another(two: Two) -> None:
-    """Both ask, both hear both nonces, and the second one takes the board."""
+    """Both ask, both receive both nonces, and the second one takes the board."""
     two.arm(two.a)
     two.a.disarm()
     arm = protocol()["EXECUTE"].value("verb", "ARM")
@@ -142,7 +142,7 @@ def test_a_host_before_version_3_is_refused_by_name(two: Two) -> None:
     two.arm(two.a)
     two.a.disarm()
     arm = protocol()["EXECUTE"].value("verb", "ARM")
-    two.b.receive(0.0)  # the nonces of `a`, which it has heard, too
+    two.b.receive(0.0)  # the nonces of `a`, which it has received, too
     nonce = two.b.request("CHALLENGE", arm, 0, answer="NONCE", first=arm)["nonce"]
     with pytest.raises(LinkError, match="version") as refused:
         two.b.request("EXECUTE", arm, nonce)

@@ -133,7 +133,7 @@ def test_pulses_that_stop_or_fail_safe_are_a_receiver_that_is_lost() -> None:
 
 
 @pytest.mark.parametrize(("receiver", "other"), [(1, BY_SWITCH), (BY_SWITCH, 1)])
-def test_the_line_that_the_parameter_does_not_name_is_not_heard(receiver: int, other: int) -> None:
+def test_the_line_that_the_parameter_does_not_name_is_not_read(receiver: int, other: int) -> None:
     field = Field(OFF, receiver=receiver)
     wires = {1: field.board.mcu.receiver_send, BY_SWITCH: on_native(field.board.mcu).receive}
     field.transmit = wires[other]

@@ -1,4 +1,4 @@
-"""Transcripts: send this, hear that. Text as it stands on the wire, against the C session."""
+"""Transcripts: send this, receive that. Text as it stands on the wire, against the C session."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def test_a_nonce_is_good_once_for_its_verb_and_for_a_second(opened: UartBoard) -
     assert answer(16, nonce) == "NONCE"  # used up
     nonce = ask(16)
     opened.run_us(1_100_000, 1000)
-    opened.heard()
+    opened.received()
     assert answer(16, nonce) == "NONCE"
     assert len({ask(16) for _ in range(100)}) == 100
 
@@ -202,28 +202,28 @@ def test_a_step_of_any_size_follows_as_there_is_room(opened: UartBoard) -> None:
     opened.baud(up_ns=BAUD_921600_NS)
     opened.write(frame("SAMPLE_A", 1, 2, 3, counter=0) + frame("SAMPLE_A", 4, 5, 6, counter=1))
     opened.run_us(100_000)
-    heard = [entry for entry in said(opened.heard()) if entry[0] in ("STEP", "WORD")]
+    received = [entry for entry in said(opened.received()) if entry[0] in ("STEP", "WORD")]
     words = [number for number in protocol()["WORD"].choices["index"] if number >> 8 == 0]  # of the system in use
     once = ["STEP", *["WORD"] * len(words)]
-    assert [name for name, _ in heard] == once + once
-    assert [values["index"] for name, values in heard if name == "WORD"] == words + words
+    assert [name for name, _ in received] == once + once
+    assert [values["index"] for name, values in received if name == "WORD"] == words + words
 
 
 def test_periodic_telemetry_only_while_open(board: UartBoard) -> None:
     names = [message.name for message in protocol().by_identifier.values()]
     assert {"TIME", "STATUS"} <= set(names)
     board.run_us(1_000_000)
-    assert board.heard() == b""
+    assert board.received() == b""
     board.say(b"O\r")
     board.run_us(1_000_000)
-    identifiers = [identifier for identifier, _ in SlcanParser().feed(board.heard())]
+    identifiers = [identifier for identifier, _ in SlcanParser().feed(board.received())]
     count = {name: identifiers.count(protocol()[name].identifier) for name in PERIODIC}
     # TIME comes every 50 ms and the others every 100, in one second: one more or less at each end.
     assert 18 <= count["TIME"] <= 21
     assert all(9 <= count[name] <= 11 for name in PERIODIC[1:])
     board.say(b"C\r")
     board.run_us(1_000_000)
-    assert board.heard() == b""
+    assert board.received() == b""
 
 
 def test_the_clock_wraps() -> None:
@@ -231,7 +231,7 @@ def test_the_clock_wraps() -> None:
     board.say(b"O\r")
     board.run_us(600_000)
     time = protocol()["TIME"]
-    frames = SlcanParser().feed(board.heard())
+    frames = SlcanParser().feed(board.received())
     times = [time.unpack(data)[3] for identifier, data in frames if identifier == time.identifier]
     gaps = {(b - a) & 0xFFFFFFFF for a, b in pairwise(times)}
     assert gaps == {50_000}

@@ -34,7 +34,7 @@ WAIT_S = 60.0
 
 
 class Loopback:
-    """A stream that says what it was told to say, in the pieces it was told in."""
+    """A stream that gives prepared bytes, in prepared pieces."""
 
     def __init__(self, pieces: list[bytes]) -> None:
         self.pieces, self.written, self.time = list(pieces), b"", 0.0
@@ -109,7 +109,7 @@ def test_a_flood_is_taken_whole() -> None:
         assert everything(bus) == good
 
 
-def test_a_notifier_in_an_event_loop_hears_a_whole_burst(port: str) -> None:
+def test_a_notifier_in_an_event_loop_receives_a_whole_burst(port: str) -> None:
     async def listen(bus: PlumbBus) -> list[int]:
         reader = can.AsyncBufferedReader()
         notifier = can.Notifier(bus, [reader], loop=asyncio.get_running_loop())
@@ -177,7 +177,7 @@ class Served:
                 return
             while self.board.time_us < (time.monotonic() - start) * 1e6:
                 self.board.turn(500)
-            waiting += self.board.heard()
+            waiting += self.board.received()
             try:
                 waiting = waiting[os.write(self._fd, waiting[:512]) :]
             except BlockingIOError:
@@ -211,22 +211,22 @@ def test_session_over_a_serial_port(port: str) -> None:
         assert session.read_parameters()
 
 
-def test_stock_slcan_of_python_can_opens_the_board_and_hears_it(port: str) -> None:
+def test_stock_slcan_of_python_can_opens_the_board_and_receives(port: str) -> None:
     with can.Bus(interface="slcan", channel=f"{port}@921600", bitrate=500000, sleep_after_open=0) as bus:
         assert bus.get_version(WAIT_S) == (1, protocol().version)  # type: ignore[attr-defined]
         assert bus.get_serial_number(WAIT_S) == "N0001"[1:]  # type: ignore[attr-defined]
         message = protocol()["HELLO"]
         data = message.pack(0, 0, protocol().version, protocol().dbc_hash)
         bus.send(can.Message(arbitration_id=message.identifier, data=data, is_extended_id=False))
-        heard: dict[str, bytes] = {}
+        received: dict[str, bytes] = {}
         end = time.monotonic() + WAIT_S
         wanted = {"IDENTITY", "TIME", "STATUS"}
-        while not wanted <= set(heard) and time.monotonic() < end:
+        while not wanted <= set(received) and time.monotonic() < end:
             frame = bus.recv(0.5)
             if frame is not None:
                 assert check(frame.arbitration_id, bytes(frame.data))
-                heard[protocol().by_identifier[frame.arbitration_id].name] = bytes(frame.data)
-        assert wanted <= set(heard)
+                received[protocol().by_identifier[frame.arbitration_id].name] = bytes(frame.data)
+        assert wanted <= set(received)
 
 
 def test_any_python_can_tool_can_use_the_interface(port: str) -> None:

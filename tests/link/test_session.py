@@ -38,7 +38,7 @@ def changed(name: str, value: int) -> list[int]:
 # ---- handshake ----
 
 
-def test_connect_tells_who_is_there() -> None:
+def test_connect_identifies_the_board() -> None:
     with Session.open(UartBoard(seed=7)) as session:
         identity = session.identity
         assert identity is not None
@@ -132,17 +132,17 @@ def test_upload_survives_a_bad_line(new_board: NewBoard, seed: int) -> None:
 
 def test_another_system_begins_with_nothing_selected(new_board: NewBoard) -> None:
     """A mask of words that another record has would stream others by their names."""
-    heard: set[int] = set()
+    received: set[int] = set()
     with Session.open(new_board()) as session:
         session.select(frames=("QUAD_ANGLE",), words=(30,))
         system = systems.load("balancer")
         session.upload(quantise(system.TUNINGS[system.DEFAULT_TUNING]).words(), period_us=10_000)
-        session.listener = lambda frames: heard.update(identifier for identifier, _ in frames)
+        session.listener = lambda frames: received.update(identifier for identifier, _ in frames)
         execute_with_nonce(session, "RUN_BEGIN", session.protocol["RUN_BEGIN"].value("run", "REALTIME_LIVE"))
         session.receive(0.05)
         session.receive(0.05)
         wanted = [session.protocol[name].identifier for name in ("STEP", "QUAD_ANGLE", "WORD")]
-        assert [identifier in heard for identifier in wanted] == [True, False, False]
+        assert [identifier in received for identifier in wanted] == [True, False, False]
 
 
 def test_a_table_is_committed_by_its_own_crc_or_not_at_all(new_board: NewBoard) -> None:
@@ -234,14 +234,14 @@ def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue(new_board: N
     board.run_us(100_000)
     board.baud(up_ns=1600)
     board.run_us(1_000_000)
-    text = board.heard()
+    text = board.received()
     assert sum(name == "NONCE" for name, _ in said(text)) == requests
     assert text.count(b"V0103\r") == 300
     bare = [line for line in text.split(b"\r")[:-1] if not line]
     assert len(bare) == requests + 300
 
 
-def test_the_next_step_tells_that_frames_were_dropped(new_board: NewBoard) -> None:
+def test_the_next_step_reports_that_frames_were_dropped(new_board: NewBoard) -> None:
     board = new_board()
     session = armed_session(board)
     session.pump()
@@ -249,7 +249,7 @@ def test_the_next_step_tells_that_frames_were_dropped(new_board: NewBoard) -> No
     board.run_us(200_000)
     board.baud(up_ns=0)
     board.run_us(10_000)
-    steps = [words for name, words in said(board.heard()) if name == "STEP"]
+    steps = [words for name, words in said(board.received()) if name == "STEP"]
     jumps = [k for k in range(1, len(steps)) if steps[k]["step"] != steps[k - 1]["step"] + 1]
     assert len(jumps) == 1
     assert [k for k, words in enumerate(steps) if words["dropped"]] == jumps
@@ -337,7 +337,7 @@ def test_no_frame_and_no_noise_upsets_the_board(new_board: NewBoard, run: str | 
             board.write(rng.randbytes(30) + rng.choice([b"\r", b"", b"L\r", b"C\rO\r"]))
         board.turn()
     board.run_us(500_000)
-    board.heard()
+    board.received()
     with Session.open(board) as session:
         session.upload(CONTROL)
         session.begin("LOCKSTEP")

@@ -22,7 +22,7 @@ TIMED_OUT_US = (200_000, 225_000)
 
 
 class Driven:
-    """A board that drives, armed over a link, and the SETPOINT_USED that its host hears."""
+    """A board that drives, armed over a link, and the SETPOINT_USED that its host receives."""
 
     def __init__(self, link: str, period_us: int = 5000, time_us: int = 0) -> None:
         self.board = UartBoard(time_us=time_us)
@@ -104,7 +104,7 @@ def test_a_living_host_keeps_its_setpoint_at_every_period(driven: Drive, link: s
     assert board.used[0][1]["setpoint"] == STEER and board.used[-1][1]["setpoint"] == STEER // 2
 
 
-def test_a_host_that_hears_no_step_keeps_its_setpoint_by_time(driven: Drive) -> None:
+def test_a_host_that_receives_no_step_keeps_its_setpoint_by_time(driven: Drive) -> None:
     """A link that drops every STEP: TIME comes 20 times a second."""
     board = driven("serial")
     step = protocol()["STEP"].identifier
@@ -152,7 +152,7 @@ def test_a_setpoint_on_its_way_while_the_board_disarms_does_not_act_afterwards(d
     listen(session, 0.3)
     assert [said["setpoint"] for _, said in board.used] == [0]
     session.set_setpoint(0)
-    session.setpoint.say(STEER, repeats=False)  # said after the end was heard: an unarmed run has setpoints, too
+    session.setpoint.say(STEER, repeats=False)  # sent after the end was received: an unarmed run has setpoints, too
     listen(session, 0.1)
     assert [said["setpoint"] for _, said in board.used][-1] == STEER
 

@@ -1,5 +1,5 @@
-"""A source of setpoints that falls silent while the actuator moves: the setpoint becomes 0 within 200 ms, and is told.
-On the flash image, over both links."""
+"""A source of setpoints that falls silent while the actuator moves: the setpoint becomes 0 within 200 ms, which is
+reported. On the flash image, over both links."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Reports:
 
     def __init__(self, session: Session) -> None:
         self._session, self._message = session, session.protocol["SETPOINT_USED"]
-        self.heard: list[tuple[float, dict[str, int]]] = []
+        self.received: list[tuple[float, dict[str, int]]] = []
         self.capture = Capture(session)
         session.listener = self.feed
 
@@ -31,7 +31,7 @@ class Reports:
         self.capture.feed(frames)
         for identifier, data in frames:
             if identifier == self._message.identifier:
-                self.heard.append((self._session.clock(), self._message.decode(data)))
+                self.received.append((self._session.clock(), self._message.decode(data)))
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def flying(session: Session, hold_ms: int = 0) -> Reports:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("link", ["serial", "can"])
-def test_a_silent_source_sets_the_setpoint_to_0_and_is_told(machine: Machine, link: str) -> None:
+def test_a_silent_source_sets_the_setpoint_to_0_and_is_reported(machine: Machine, link: str) -> None:
     session = opened(machine, link)
     reports = flying(session)
     listen(session, 0.1)
@@ -57,17 +57,17 @@ def test_a_silent_source_sets_the_setpoint_to_0_and_is_told(machine: Machine, li
     said_s = session.clock()
     session.setpoint.stop()  # a host that does not repeat it
     listen(session, 0.5)
-    assert [(words["setpoint"], words["timed_out"], words["repeated"]) for _, words in reports.heard] == [
+    assert [(words["setpoint"], words["timed_out"], words["repeated"]) for _, words in reports.received] == [
         (STEER, 0, 0),
         (0, 1, 0),
     ]
-    assert LIMIT_S < reports.heard[1][0] - said_s < LIMIT_S + 0.02
+    assert LIMIT_S < reports.received[1][0] - said_s < LIMIT_S + 0.02
     assert session.telemetry["STATUS"]["armed"] == 1  # it stays armed, level
     assert [value for _, value in reports.capture.setpoints.changes] == [0, STEER, 0]
     assert reports.capture.setpoints.doubt is None
-    session.set_setpoint(STEER)  # heard again, it counts again
+    session.set_setpoint(STEER)  # received again, it counts again
     listen(session, 0.1)
-    assert reports.heard[-1][1]["setpoint"] == STEER
+    assert reports.received[-1][1]["setpoint"] == STEER
 
 
 @pytest.mark.slow
@@ -77,8 +77,8 @@ def test_a_living_host_repeats_its_setpoint(machine: Machine, link: str) -> None
     reports = flying(session)
     session.set_setpoint(STEER)
     listen(session, 1.0)
-    assert {words["setpoint"] for _, words in reports.heard} == {STEER}
-    assert not any(words["timed_out"] for _, words in reports.heard)
+    assert {words["setpoint"] for _, words in reports.received} == {STEER}
+    assert not any(words["timed_out"] for _, words in reports.received)
     assert [value for _, value in reports.capture.setpoints.changes] == [0, STEER]
     assert reports.capture.setpoints.doubt is None
 
@@ -100,8 +100,8 @@ def test_silence_counts_only_while_the_actuator_may_move(machine: Machine) -> No
     session.set_setpoint(STEER)
     session.setpoint.stop()
     listen(session, 1.0)
-    assert [words["timed_out"] for _, words in reports.heard] == [0, 0, 0, 1]
-    assert reports.heard[3][0] - armed_s == pytest.approx(0.5 + LIMIT_S, abs=0.03)
+    assert [words["timed_out"] for _, words in reports.received] == [0, 0, 0, 1]
+    assert reports.received[3][0] - armed_s == pytest.approx(0.5 + LIMIT_S, abs=0.03)
 
 
 @pytest.mark.slow
@@ -117,12 +117,12 @@ def test_the_source_is_the_link_that_was_named(machine: Machine) -> None:
         other.set_setpoint(STEER)
         listen(session, 0.05)
         other.receive(0.0)
-    assert not any(words["timed_out"] for _, words in reports.heard)
+    assert not any(words["timed_out"] for _, words in reports.received)
     for _ in range(6):
         session.set_setpoint(STEER)
         listen(session, 0.05)
         other.receive(0.0)
-    assert reports.heard[-1][1]["timed_out"] == 1
+    assert reports.received[-1][1]["timed_out"] == 1
     assert session.telemetry["STATUS"]["armed"] == 1
 
 

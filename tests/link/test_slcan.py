@@ -62,7 +62,7 @@ def test_c_and_python_find_the_same_frames(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(50))
-def test_the_line_after_any_garbage_is_heard(seed: int) -> None:
+def test_the_line_after_any_garbage_is_received(seed: int) -> None:
     rng = random.Random(seed)
     frame = good(rng)
     garbage = rng.randbytes(rng.randrange(300))

@@ -1,4 +1,4 @@
-"""Trouble while the board drives: outputs neutral in time, latched, and told."""
+"""Trouble while the board drives: outputs neutral in time, latched, and reported."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def resting(board: UartBoard) -> bool:
 
 
 @pytest.mark.parametrize("link", ["serial", "can"])
-def test_a_converter_that_stops_disarms_latched_and_is_told(new_board: NewBoard, link: str) -> None:
+def test_a_converter_that_stops_disarms_latched_and_is_reported(new_board: NewBoard, link: str) -> None:
     board = new_board()
     session = driving(board, link)
     board.stop_converter()
     listen(session, 0.03)
     assert resting(board)
-    told = listen(session, 0.3)
-    assert told["STATUS"]["faults"] & ADC and told["EVENTS"]["disarm_cause"] == FAULT_CAUSE
+    report = listen(session, 0.3)
+    assert report["STATUS"]["faults"] & ADC and report["EVENTS"]["disarm_cause"] == FAULT_CAUSE
     assert resting(board)
     session.close()
 
@@ -102,8 +102,8 @@ def test_a_shorted_bus_disarms_and_comes_back(new_board: NewBoard) -> None:
     board.short_can(False)
     board.run_us(2_100_000)  # the longest pause after bus-off, twice
     with Session.over(board.can_bus()) as again:
-        told = listen(again, 0.4)
-        assert told["CAN_HEALTH"]["bus_offs"] >= 1 and resting(board)
+        report = listen(again, 0.4)
+        assert report["CAN_HEALTH"]["bus_offs"] >= 1 and resting(board)
     silent.close()
 
 
@@ -114,12 +114,12 @@ def test_a_flipped_bit_is_found_before_the_next_pulse(new_board: NewBoard, share
     board.flip(share, 3)
     board.run_us(LOOK_US)
     assert resting(board)
-    told = listen(session, 0.3)
-    assert told["STATUS"]["faults"] & UPSET and told["EVENTS"]["disarm_cause"] == FAULT_CAUSE
+    report = listen(session, 0.3)
+    assert report["STATUS"]["faults"] & UPSET and report["EVENTS"]["disarm_cause"] == FAULT_CAUSE
     session.close()
 
 
-def test_a_clock_that_is_set_back_disarms_and_is_told(new_board: NewBoard) -> None:
+def test_a_clock_that_is_set_back_disarms_and_is_reported(new_board: NewBoard) -> None:
     board = new_board()
     session = driving(board)
     board.set_clock_back()

@@ -79,14 +79,14 @@ class Hosts(RuleBasedStateMachine):
 
     def answer(self, link: Link, arming: int, value: int) -> None:
         self.hosts.put(link, self.hosts.sealed(link, "KEEPALIVE", arming, value))
-        self.model.link[link].heard_us = self.counted_us = self.hosts.now_us
+        self.model.link[link].received_us = self.counted_us = self.hosts.now_us
 
     def pass_ms(self, count: int) -> None:
         """Time passes; a CAN link that is silent for too long closes."""
         can = self.model.link[Link.CAN]
         for _ in range(count):
             self.hosts.pass_ms()
-            if can.open and self.hosts.now_us - can.heard_us > CAN_SILENCE_US:
+            if can.open and self.hosts.now_us - can.received_us > CAN_SILENCE_US:
                 self.hosts.pass_ms(3)
                 self.model.link[Link.CAN] = LinkModel()
                 self.model.lose(Link.CAN, CLOSED)
@@ -137,7 +137,7 @@ class Hosts(RuleBasedStateMachine):
         if not (there.lets_in or opens or name == "DISARM"):
             assert said is None, f"{name} over a {link.name} that does not let it in"
             return None
-        there.heard_us = self.hosts.now_us
+        there.received_us = self.hosts.now_us
         there.open = there.open or opens
         assert said is not None, f"{name} over {link.name} is not answered"
         if name in NEED_GREETING and not there.greeted:
@@ -284,10 +284,10 @@ class Hosts(RuleBasedStateMachine):
         items: dict[int, int] = {}
         self.hosts.text(b"\rO\r")
         hello = self.hosts.sealed(Link.UART, "HELLO", self.hosts.protocol.version, self.hosts.protocol.dbc_hash)
-        self.hosts.heard[Link.UART].clear()
+        self.hosts.received[Link.UART].clear()
         self.hosts.put(Link.UART, hello)
         self.hosts.pass_ms(IDENTITY_MS)
-        for name, said in self.hosts.heard[Link.UART]:
+        for name, said in self.hosts.received[Link.UART]:
             if name == "IDENTITY":
                 items[said["item"]] = said["value"]
         identity = self.hosts.protocol["IDENTITY"]
@@ -299,7 +299,7 @@ class Hosts(RuleBasedStateMachine):
         self.damaged = source in (2, 3)
         assert not self.damaged or None in may_load
         self.model = BoardModel(list(self.saved or DEFAULTS), source)
-        self.model.link[Link.UART] = LinkModel(open=True, greeted=True, heard_us=self.hosts.now_us)
+        self.model.link[Link.UART] = LinkModel(open=True, greeted=True, received_us=self.hosts.now_us)
 
     # ---- rules: runs and arming ----
 
@@ -378,24 +378,24 @@ class Hosts(RuleBasedStateMachine):
             words = self.values[-1 - at % 2] if len(self.values) >= 2 else (1, 0x12345678)
             self.hosts.put(link, self.hosts.sealed(link, "KEEPALIVE", *words))
             if self.model.link[link].lets_in:
-                self.model.link[link].heard_us = self.hosts.now_us
+                self.model.link[link].received_us = self.hosts.now_us
             self.pass_ms(1)
 
     @rule(link=links, count=st.integers(1, 6))
     def samples(self, link: Link, count: int) -> None:
         model = self.model
         for _ in range(count):
-            self.hosts.heard[link].clear()
+            self.hosts.received[link].clear()
             step = model.step
             frame = self.hosts.sealed(link, "SAMPLE_A", 1676, 2048, 3041, flags=step >> 4 & 3, counter=step & 15)
             self.hosts.put(link, frame)
             self.pass_ms(2)
-            nacks = [said for name, said in self.hosts.heard[link] if name == "NACK" and said["request"] == frame[0]]
+            nacks = [said for name, said in self.hosts.received[link] if name == "NACK" and said["request"] == frame[0]]
             reasons = [self.hosts.protocol["NACK"].choice("reason", said["reason"]) for said in nacks]
             if not model.link[link].lets_in:
                 assert reasons == []
                 continue
-            model.link[link].heard_us = self.hosts.now_us
+            model.link[link].received_us = self.hosts.now_us
             if not model.link[link].greeted:
                 assert reasons == ["GREETING"]
             elif model.run in (None, "REALTIME_LIVE"):
@@ -404,7 +404,7 @@ class Hosts(RuleBasedStateMachine):
                 assert reasons == ["OWNER"]
             elif model.run == "LOCKSTEP":
                 assert reasons == []
-                steps = [said["step"] for name, said in self.hosts.heard[link] if name == "STEP"]
+                steps = [said["step"] for name, said in self.hosts.received[link] if name == "STEP"]
                 assert steps == [step & 0xFFFF]
                 model.step += 1
             else:

@@ -95,7 +95,7 @@ def test_a_fault_shows_on_its_channel_in_its_time_alone(kind: str, channel: int)
     assert np.array_equal(good[~inside], bad[~inside]) and np.array_equal(good[:, others], bad[:, others])
     seen = bad[inside, channel]
     if kind == "noisy":
-        # The fault adds 100 mV rms; 200 samples tell it to 5 %: four standard errors.
+        # The fault adds 100 mV rms; 200 samples measure it to 5 %: four standard errors.
         assert 80 < np.std(seen - good[inside, channel].astype(float)) / (4096 / ADC_REFERENCE_V) * 1000 < 120
     else:
         assert set(seen.tolist()) == {{"railed": 4095, "silent": 0, "stuck": int(good[inside][0, channel])}[kind]}

@@ -111,8 +111,8 @@ def broken(row: Row) -> str:
         return ""
     promised = limits()["sensor"]
     in_time = row.safe_ms is not None and row.safe_ms <= promised.safe_ms
-    told = row.detected_ms is not None and row.detected_ms <= promised.detected_ms
-    if row.group == "sensors" and in_time and told and BY_A_CHECK in row.reported:
+    in_report = row.detected_ms is not None and row.detected_ms <= promised.detected_ms
+    if row.group == "sensors" and in_time and in_report and BY_A_CHECK in row.reported:
         reasons = [why for why in row.why.split("; ") if why not in FOUND_BY_ANOTHER]
         return "; ".join(why for why in reasons if not why.startswith(ANOTHER_CHECK))
     return row.why

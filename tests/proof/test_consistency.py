@@ -1,4 +1,5 @@
-"""Mean and spread of an error apart, its spread beside the filter's sigma, and the band with the declared offset."""
+"""Mean and spread of an error, each by itself, its spread compared with the filter's sigma, and the band with the
+declared offset."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ def test_mean_spread_and_their_share_of_sigma() -> None:
 
 
 def test_a_band_includes_the_declared_offset() -> None:
-    """3 mg is 0.17 deg: beside a filter that is sure of itself, the offset is nearly all of the band."""
+    """3 mg is 0.17 deg: with a filter that states a small sigma, the offset is nearly all of the band."""
     band = metrics.with_offset(np.array([0.0, 0.02, 10.0]), 0.003)
     assert band == pytest.approx([0.3438, 0.3444, 10.0059], abs=1e-4)
     plot = report.error_and_band(np.arange(3.0), np.zeros(3), band, 0.003)

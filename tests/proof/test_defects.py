@@ -20,7 +20,7 @@ from support.defects import ROOT, Defect, declared, equivalents, replaced
 SAMPLE_SEED, SAMPLE = 1, 1
 """`make test` builds so many defects, each caught by a single row: the way from a defect to its verdict is one."""
 FEATURES = frozenset({"analog", "chips", "bridge", "esc"})
-"""Of a system, by its sensors and by what it drives: what tells two rows of one name apart."""
+"""Of a system, by its sensors and by what it drives: the difference between two rows of one name."""
 NO_TOOLS = pytest.mark.skipif(
     shutil.which("arm-none-eabi-gcc") is None or shutil.which("ninja") is None, reason="no compiler of the flash image"
 )

@@ -166,7 +166,7 @@ def test_every_row_starts_from_the_same_moment(runner: Runner, monkeypatch: pyte
 
 
 @pytest.mark.slow
-def test_a_frozen_gyro_is_told_alone(runner: Runner, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frozen_gyro_is_reported_alone(runner: Runner, monkeypatch: pytest.MonkeyPatch) -> None:
     """The pins of the accelerometer go on moving while that of the gyro is held."""
     monkeypatch.setattr(runner, "phases", campaign(1, 2))
     faults = [fault for fault in table.chosen(["gyro-frozen", "gyro-held-off"]) if fault.needs == ANALOG]

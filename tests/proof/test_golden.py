@@ -211,7 +211,7 @@ def test_one_wrong_bit_of_a_file_is_named(small: Path, what: str) -> None:
     assert (first.step, first.signal) == expected[what]
 
 
-def test_a_model_that_differs_is_told_by_its_signal(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_that_differs_is_reported_by_its_signal(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The file has digests alone: the C core, which repeats them, says which word the model has wrong."""
     module = importlib.import_module("plumb.systems.quad.fixed")
     pulses = module.pulses

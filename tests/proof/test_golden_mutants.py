@@ -80,4 +80,4 @@ def test_another_test_that_kills_is_named(workshop: Workshop, tmp_path: Path) ->
     wrong, same = workshop.library(defect("first entry of the roots"), "wrong_roots"), workshop.library()
     assert wrong is not None and same is not None
     test = "tests/kernels/test_angle.py::test_both_hands_agree_on_sine_cosine_and_length"
-    assert other_killers([wrong, same], tmp_path / "told.txt", [test]) == {wrong: test, same: None}
+    assert other_killers([wrong, same], tmp_path / "report.txt", [test]) == {wrong: test, same: None}

@@ -46,7 +46,7 @@ def test_parameters_that_are_kept_stay() -> None:
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_model_and_core_refuse_the_same_words(system: str) -> None:
-    """One or two words of a valid set at an end of their range, beside it, or anything of 32 bits."""
+    """One or two words of a valid set at an end of their range, next to it, or any 32 bits."""
     groups = declarations.system(system).all_groups
     rows = [row for row in parameters.table() if row.owner == "control" and row.group in groups]
     draw, verdicts = Draw(7), []

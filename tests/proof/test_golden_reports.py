@@ -106,7 +106,7 @@ def test_json_has_the_contract_and_a_row_for_every_vector(folder: Path, capsys: 
     ]
 
 
-def test_every_vector_that_differs_is_told_with_step_and_signal(folder: Path) -> None:
+def test_every_vector_that_differs_is_reported_with_step_and_signal(folder: Path) -> None:
     checks = wrong_checks(folder)
     whole = checks.to_json()
     assert (whole["verdict"], whole["bit_exact"]) == ("fail", False)
@@ -320,7 +320,7 @@ def test_a_board_behind_a_link_gives_the_words_around_a_step(folder: Path) -> No
 
 
 @pytest.mark.parametrize("option", ["--junit", "--html"])
-def test_a_report_that_cannot_be_written_is_told_before_anything_runs(
+def test_a_report_that_cannot_be_written_is_reported_before_anything_runs(
     made: Path, tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("")
@@ -347,7 +347,7 @@ def test_a_report_that_cannot_be_written_is_told_before_anything_runs(
         (["--board", "native", "--board", "program:./none"], "cannot run ./none"),
     ],
 )
-def test_a_wrong_board_or_image_is_told_before_any_vector_runs(
+def test_a_wrong_board_or_image_is_reported_before_any_vector_runs(
     tmp_path: Path, arguments: list[str], why: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From the command and from Python."""

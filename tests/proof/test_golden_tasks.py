@@ -105,7 +105,7 @@ def test_a_header_that_lies_is_refused(folder: Path, field: str, value: Any) -> 
         Vector.decode(data, path)
 
 
-def test_a_program_of_the_first_version_is_told(
+def test_a_program_of_the_first_version_is_reported(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     old = tmp_path / "old.py"

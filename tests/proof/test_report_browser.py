@@ -98,7 +98,7 @@ def test_a_drag_with_shift_pans(said: dict[str, Any]) -> None:
     assert said["panned"]["high"] == pytest.approx(25.0, abs=0.1)
 
 
-def test_the_cursor_stands_in_all_plots_and_tells_values(said: dict[str, Any]) -> None:
+def test_the_cursor_stands_in_all_plots_and_shows_values(said: dict[str, Any]) -> None:
     state = said["cursor"]
     assert state["cursors"][0] == state["cursors"][1] != ""
     sine, ramp, gyro = (text.split(" ± ") for text in state["keys"])

@@ -115,7 +115,7 @@ def test_the_page_needs_no_extra(tmp_path: Path) -> None:
 HEADING = {"scenario": "motion", "tuning": "adaptive", "loop": "open"}
 
 
-def test_bits_and_accuracy_are_told_apart() -> None:
+def test_bits_and_accuracy_are_separate() -> None:
     """An estimate that is wrong in every step and agrees in every bit."""
     params = quantise(quad.TUNINGS["adaptive"])
     run = runs.open_loop(NativeBoard(), runs.prescribed(quad.scenario("motion", 3)), params)

@@ -48,7 +48,8 @@ def test_a_log_says_who_was_recorded_by_what_and_when(whole: Path) -> None:
 
 
 def test_a_log_that_was_cut_is_a_shorter_recording(whole: Path, tmp_path: Path) -> None:
-    """At every edge of a block, beside it, and inside: what is read is the beginning of the whole recording."""
+    """At every edge of a block, next to it, and inside: the part that is read is the beginning of the whole
+    recording."""
     data, all_frames, path = whole.read_bytes(), read_log(whole).frames, tmp_path / "cut.plog"
     edges = [block.offset for block in blocks_of(whole)]
     random_cuts = random.Random(1).sample(range(edges[3], len(data)), 20)

@@ -124,7 +124,7 @@ def test_the_first_steps_frames_may_be_the_lost_ones(whole: Path, tmp_path: Path
 
 
 def test_a_lost_setpoint_leaves_the_steps_after_it_unverified(whole: Path, tmp_path: Path) -> None:
-    """The report of the only setpoint is gone: nothing else tells that there was one."""
+    """The report of the only setpoint is gone: nothing else shows that there was one."""
     done = on_native(with_frames(whole, tmp_path / "lost.plog", without("SETPOINT_USED", 0)))
     assert done.verdict == "fail"  # no counter shows a loss: every frame that followed is there
     both = with_frames(whole, tmp_path / "both.plog", without("SETPOINT_USED", 0))
@@ -310,13 +310,13 @@ def test_files_of_other_tools_carry_changes_too(changed: Path, tmp_path: Path, s
     assert done.verdict == "pass" and len(done.run.changes) == 2
 
 
-def test_a_change_whose_table_nobody_told_is_unverified_from_its_step_on(changed: Path, tmp_path: Path) -> None:
-    """As on the link of another host: it hears PARAM_USED alone. A table that is read afterwards tells it."""
+def test_a_change_without_its_table_is_unverified_from_its_step_on(changed: Path, tmp_path: Path) -> None:
+    """As on the link of another host: it receives PARAM_USED alone. A table that is read afterwards shows it."""
     log, first = read_log(changed), step_of_change(changed)
 
     def unheard(frames: Frames) -> Frames:
-        told = places(frames, "PARAM_STAGED") + places(frames, "PARAM_VALUE")
-        return np.delete(frames, told)
+        report = places(frames, "PARAM_STAGED") + places(frames, "PARAM_VALUE")
+        return np.delete(frames, report)
 
     done = on_native(with_frames(changed, tmp_path / "unheard.plog", unheard))
     assert (done.verdict, done.unverified_from, done.differ) == ("unverified", first, 0)
@@ -360,8 +360,8 @@ def test_an_announcement_of_an_impossible_step_never_passes(
     if recorded.known:
         assert reproduce(recorded, NativeCore(), "native", None, None).verdict != "pass"
     else:
-        told = "the parameters changed at step 0" if step == 0 else "names one before the run"
-        assert told in recorded.unknown
+        report = "the parameters changed at step 0" if step == 0 else "names one before the run"
+        assert report in recorded.unknown
 
 
 def test_a_lost_announcement_leaves_the_steps_from_there_on_unverified(changed: Path, tmp_path: Path) -> None:
@@ -388,7 +388,7 @@ def test_a_log_that_was_cut_anywhere_is_reproduced_to_its_end(changed: Path, tmp
 
 
 def test_a_bus_on_which_a_host_committed_a_table_needs_no_other_parameters(whole: Path, tmp_path: Path) -> None:
-    """As a passive logger hears it: the host's PARAM_SET frames, and the board's ACK."""
+    """As a passive logger receives it: the host's PARAM_SET frames, and the board's ACK."""
     log, messages = read_log(whole), protocol()
     run = np.delete(log.frames, places(log.frames, "PARAM_VALUE"))
     values = log.parameter_sets[0].values
@@ -426,13 +426,13 @@ def test_a_run_whose_beginning_is_missing_cannot_be_reproduced(
 def test_several_runs_of_a_log_are_found_and_chosen(
     whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Two recordings of one board in one log; the second ends before step 17. Its RUN_BEGIN may not have been heard."""
+    """Two recordings of one board in one log; the second ends before step 17. Its RUN_BEGIN may be missing."""
     log = read_log(whole)
     begin = places(log.frames, "ACK")
     known = 16
-    for heard in (True, False):
-        frames = log.frames if heard else np.delete(log.frames, begin)
-        path = tmp_path / f"two{heard}.plog"
+    for complete in (True, False):
+        frames = log.frames if complete else np.delete(log.frames, begin)
+        path = tmp_path / f"two{complete}.plog"
         with LogWriter(path, log.head) as writer:
             writer._blocks.append("PARM", json.dumps({"values": log.parameter_sets[0].values}).encode())
             writer._blocks.append("FRMS", frames.tobytes())

@@ -47,7 +47,7 @@ def runs_by(frames: Frames, pieces: list[int], marks: tuple[int, ...] = ()) -> l
 
 
 def damaged(frames: Frames, rng: random.Random) -> Frames:
-    """Frames lost, one by one and in a row, RUN_BEGIN not heard, a pair swapped."""
+    """Frames lost, one by one and in a row, RUN_BEGIN missing, a pair swapped."""
     kept = np.ones(len(frames), np.bool_)
     kept[[rng.randrange(len(frames)) for _ in range(rng.choice([0, 3, 40]))]] = False
     begin = rng.randrange(len(frames))

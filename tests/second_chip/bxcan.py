@@ -53,7 +53,7 @@ class BxCan(Block):
     def reset(self) -> None:
         if not self.value:
             self.sent: list[Frame] = []
-            """What other nodes heard of the board and nobody has read yet."""
+            """Frames of the board that other nodes received and no test has read yet."""
             self.bus_kbit = 500
             self.listeners = 1
             self._outside: deque[Frame] = deque()

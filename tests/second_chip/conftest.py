@@ -26,7 +26,7 @@ def image() -> bytes:
 
 @pytest.fixture(scope="session")
 def flying_image() -> bytes:
-    """The image `quadrotor`, which `make image` builds beside that of all."""
+    """The image `quadrotor`, which `make image` builds in addition to that of all."""
     if not FLYING.exists():
         pytest.skip("no flash image of quadrotor; build it with: make image")
     return FLYING.read_bytes()

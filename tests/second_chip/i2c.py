@@ -67,7 +67,7 @@ class Adxl345(RegisterSlave):
 
 
 class Itg3205(RegisterSlave):
-    """Gyro at 0x68: counts of the three axes, high byte first, asleep until told otherwise."""
+    """Gyro at 0x68: counts of the three axes, high byte first, asleep until a write wakes it."""
 
     ADDRESS = 0x68
 

@@ -157,12 +157,12 @@ class Usart(Block):
         remapped = self.chip.afio.bit("MAPR", 2)
         return (("B", 6), ("B", 7)) if remapped else (("A", 9), ("A", 10))
 
-    def _hears(self) -> bool:
+    def _receives(self) -> bool:
         port, pin = self._pins()[1]
         return self.value["CR1"] & 0x2004 == 0x2004 and self.chip.ports[port].input(pin)
 
     def _receive(self, byte: int) -> None:
-        if not self._hears():
+        if not self._receives():
             return
         bit = self.value["BRR"] * self.bus_clock()
         good = abs(bit * self.LINE_BAUD / UNITS_HZ - 1) < 0.03
@@ -176,7 +176,7 @@ class Usart(Block):
         self._raise()
 
     def _idle(self, silence: int) -> None:
-        if silence == self._silence and self._hears():
+        if silence == self._silence and self._receives():
             self.value["SR"] |= IDLE
             self._raise()
 

@@ -185,7 +185,7 @@ def test_the_edges_at_pa8_are_the_sticks_of_a_step(flying_image: bytes, connect_
 
 
 def test_the_volts_at_pb0_and_pb1_are_those_of_the_battery(connect_uart: Connect) -> None:
-    """Beside a run whose samples ADC1 converts, on the image `vehicles`, which has both."""
+    """During a run whose samples ADC1 converts, on the image `vehicles`, which has both."""
     chip = Chip(vehicles_image().read_bytes())
     chip.ports["B"].outside |= {4: 0}
     chip.adc.volts |= {8: 2.0, 9: 0.55}
@@ -200,7 +200,7 @@ def test_the_volts_at_pb0_and_pb1_are_those_of_the_battery(connect_uart: Connect
 
 
 @pytest.mark.parametrize(("accel_bus", "said"), [(0, "another chip answers"), (1, "does not answer")])
-def test_a_foreign_chip_on_i2c_and_an_empty_spi_bus_are_told(
+def test_a_foreign_chip_on_i2c_and_an_empty_spi_bus_are_reported(
     chip: Chip, connect_uart: Connect, accel_bus: int, said: str
 ) -> None:
     chip.i2c.slaves = {Itg3205.ADDRESS: Itg3205(), Adxl345.ADDRESS: RegisterSlave({0x00: 0x00})}

@@ -50,9 +50,9 @@ def test_the_board_says_who_it_is_over_both_links(session: Session) -> None:
     assert identity["FAULTS"] == 0
 
 
-def keep(read: Callable[[int], bytes], heard: list[bytes], count: int) -> bytes:
-    heard.append(read(count))
-    return heard[-1]
+def keep(read: Callable[[int], bytes], received: list[bytes], count: int) -> bytes:
+    received.append(read(count))
+    return received[-1]
 
 
 def test_two_boards_say_the_same_to_the_byte(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,12 +62,12 @@ def test_two_boards_say_the_same_to_the_byte(image: bytes, monkeypatch: pytest.M
         chip = Chip(image)
         chip.run(START_S)
         end = UartEnd(chip)
-        heard: list[bytes] = []
-        monkeypatch.setattr(end, "read", partial(keep, end.read, heard))
+        received: list[bytes] = []
+        monkeypatch.setattr(end, "read", partial(keep, end.read, received))
         with Session.open(end) as session:
             arm = session.protocol["EXECUTE"].value("verb", "ARM")
             session.request("CHALLENGE", arm, 0, answer="NONCE", first=arm)
-        texts.append(b"".join(heard))
+        texts.append(b"".join(received))
     assert texts[0].count(b"\r") > 25
     assert texts[0] == texts[1]
 

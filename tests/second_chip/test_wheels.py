@@ -84,7 +84,7 @@ def motor(chip: Chip, pins: tuple[str, str, str]) -> tuple[float | None, int, in
     return share, forward, backward
 
 
-def told(duty_q15: int) -> tuple[float, int, int]:
+def expected(duty_q15: int) -> tuple[float, int, int]:
     """What a motor's pins say for a duty of the record."""
     return (abs(duty_q15) * PWM_COUNTS >> 15) / PWM_COUNTS, int(duty_q15 >= 0), int(duty_q15 < 0)
 
@@ -100,16 +100,16 @@ def wheels_image() -> bytes:
 
 @pytest.fixture(scope="session")
 def wheels_flash(wheels_image: bytes) -> bytes:
-    """The whole flash of a board that was told this pin set."""
+    """The whole flash of a board on which this pin set was saved."""
     module = systems.load("wheels")
     params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
-    told = Chip(wheels_image)
-    told.run(START_S)
-    with Session.open(UartEnd(told)) as session:
+    configured = Chip(wheels_image)
+    configured.run(START_S)
+    with Session.open(UartEnd(configured)) as session:
         link = {**params.link_words(), **module.LINK, "arm_hold_ms": 0, "battery_min_mv": 6_400}
         session.upload(params.words(), period_us=module.PERIOD_US, **link)
         session.execute("SAVE")
-    return bytes(told.flash)
+    return bytes(configured.flash)
 
 
 @pytest.fixture
@@ -193,7 +193,7 @@ def test_every_step_of_an_armed_run_is_that_of_the_model_and_the_pins_follow(
     assert sorted(set(inputs[:, RIDER].tolist())) == [0, 1] and inputs[-1, RIDER] == 1
     for motors, side in zip(zip(*seen, strict=True), ("left", "right"), strict=True):
         duties = words[f"duty_{side}_q15"].tolist()
-        assert set(motors) <= {told(duty) for duty in (0, *duties)} and len(set(motors)) > 15
+        assert set(motors) <= {expected(duty) for duty in (0, *duties)} and len(set(motors)) > 15
         assert max(abs(duty) for duty in duties) > 300
 
     wired.ports["B"].drive(12, 0)

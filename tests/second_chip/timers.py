@@ -80,7 +80,7 @@ class Timer(Block):
         if generation != self._generation:
             return
         self._count_from, self._count_at = 0, self.chip.now
-        if not self.value["CR1"] & 2:  # UDIS: the shadow registers keep their values, and no event is told
+        if not self.value["CR1"] & 2:  # UDIS: the shadow registers keep their values, and no event is raised
             self._update()
         self._schedule()
 

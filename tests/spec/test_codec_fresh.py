@@ -36,7 +36,7 @@ def test_generated_files_are_fresh() -> None:
         assert path.suffix == ".dbc" or "GENERATED" in text.splitlines()[0]
 
 
-def test_hash_does_not_hear_comments_but_hears_every_position(tmp_path: Path) -> None:
+def test_hash_ignores_comments_and_covers_every_position(tmp_path: Path) -> None:
     text = dbc.text()
     known = protocol().dbc_hash
 

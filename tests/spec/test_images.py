@@ -14,7 +14,7 @@ TOYS = Path(__file__).resolve().parents[1] / "toy_systems"
 FIRST, VEHICLES = declarations.names()[0], images.images()["vehicles"].systems
 LEFT_OUT = [name for name in declarations.names() if name not in VEHICLES][-1]
 """A system of none of the sets but `all`."""
-ALONE = next(iter(images.beside_all()))
+ALONE = next(iter(images.left_out_of_all()))
 C8_FLASH, C8_RAM = 60 * 1024, 20 * 1024
 """Flash below the parameters of an STM32F103C8, and its RAM."""
 
@@ -62,7 +62,7 @@ def test_a_new_system_has_an_image_and_is_in_all_without_an_edit(monkeypatch: py
 
 
 def test_all_leaves_out_a_system_that_says_so_and_keeps_its_parameters() -> None:
-    left_out = images.beside_all()
+    left_out = images.left_out_of_all()
     systems = declarations.systems()
     assert set(left_out) == {name for name, system in systems.items() if not system.in_all} != set()
     held = images.images()[images.ALL].systems
@@ -120,7 +120,7 @@ def test_the_image_to_flash_keeps_the_systems_of_the_board(wanted: str, present:
 
 
 def test_an_image_that_loses_systems_says_so() -> None:
-    """No image holds a system that `all` leaves out beside all the others."""
+    """No image holds a system that `all` leaves out together with all the others."""
     present = images.image("all").systems
     lost = [name for name in present if name not in images.image(ALONE).systems]
     assert lost and f"plumb flash --image {ALONE} has it, but not {', '.join(lost)}; so ha" in images.lacking(

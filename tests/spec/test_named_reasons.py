@@ -72,11 +72,11 @@ def test_a_stop_reason_has_the_text_of_the_system_that_runs_alone(system: str) -
     said = {"disarmed_by": 0xFF00, "failed": 0xFF00}
     own = [reason.doc for reason in declarations.system(system).stop_reasons]
     assert plausibility_text(said, system) == own
-    told = disarmed_text(1 << 15, said, system)
-    assert [text for text in own if text not in told] == []
+    report = disarmed_text(1 << 15, said, system)
+    assert [text for text in own if text not in report] == []
     for other in set(STOPPED) - {system}:
         foreign = [reason.doc for reason in declarations.system(other).stop_reasons]
-        assert [text for text in foreign if text in told] == [] and other not in told
+        assert [text for text in foreign if text in report] == [] and other not in report
 
 
 def test_of_an_unknown_system_a_stop_reason_names_the_systems_that_have_it() -> None:
@@ -96,28 +96,28 @@ def board(monkeypatch: pytest.MonkeyPatch) -> UartBoard:
 def doctor(capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, list[str]]]:
     code = front.main(["doctor", "--board", "memory", "--json"])
     findings = json.loads(capsys.readouterr().out)["findings"]
-    told: dict[str, list[str]] = {}
+    report: dict[str, list[str]] = {}
     for finding in findings:
-        told.setdefault(finding["what"], []).append(finding["detail"])
-    return code, told
+        report.setdefault(finding["what"], []).append(finding["detail"])
+    return code, report
 
 
 def test_doctor_on_a_board_that_is_well(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
-    code, told = doctor(capsys)
+    code, report = doctor(capsys)
     assert code == 0
-    assert told["last reset"] == ["power"] and told["parameters"] == ["factory defaults"]
-    assert told["pins"] == ["standard"] and "crash" not in told and "fault" not in told and "arming" not in told
+    assert report["last reset"] == ["power"] and report["parameters"] == ["factory defaults"]
+    assert report["pins"] == ["standard"] and "crash" not in report and "fault" not in report and "arming" not in report
 
 
 @pytest.mark.parametrize("bit", BLOCKING_FAULTS)
 def test_doctor_names_each_fault_that_blocks(board: UartBoard, capsys: pytest.CaptureFixture[str], bit: int) -> None:
     board.sensors(faults=1 << bit)
-    code, told = doctor(capsys)
-    assert code == 1 and told["fault"] == [FAULTS[bit]]
+    code, report = doctor(capsys)
+    assert code == 1 and report["fault"] == [FAULTS[bit]]
 
 
 def test_doctor_names_a_switch_that_is_closed(board: UartBoard, capsys: pytest.CaptureFixture[str]) -> None:
     board.reset()
     board.switch(True)
-    code, told = doctor(capsys)
-    assert code == 0 and told["arming"] == [BLOCKED[10]]
+    code, report = doctor(capsys)
+    assert code == 0 and report["arming"] == [BLOCKED[10]]

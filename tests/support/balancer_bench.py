@@ -107,7 +107,7 @@ class Balancer:
         return max(0.0, off_us - begin_us)
 
     def why(self) -> tuple[int, int]:
-        """What ended the last armed time, and the faults, as the board tells them."""
+        """What ended the last armed time, and the faults, as the board reports them."""
         assert self.session is not None
         self.session.connect()
         self.session.telemetry.clear()

@@ -13,7 +13,7 @@ LIMIT_S = 300
 
 @dataclass(frozen=True)
 class Plumb:
-    """`plumb` with a native core and an image. environment: beside that of this process."""
+    """`plumb` with a native core and an image. environment: added to that of this process."""
 
     python: Path
     core: Path

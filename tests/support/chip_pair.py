@@ -21,7 +21,7 @@ PINS = ("GPIOA_IDR", "GPIOB_IDR", "GPIOC_IDR")
 MOMENTARY = ("SYST_CVR", "WWDG_CR", "TIM3_CNT", "TIM4_CNT", "CRC_DR")
 """Running counters; and of the CRC unit, the check over memory that holds them."""
 ACTING = ("RCC_C", "RCC_A", "RCC_BDCR", "FLASH_", "SCB_AIRCR", "SCB_ICSR", "NVIC_", "SYST_", "IWDG_", "WWDG_", "CRC_DR")
-"""A write to these does something besides being kept."""
+"""A write to these has an effect beyond the stored value."""
 VENDOR_SAYS_0 = ("MCR", "MSR", "TSR", "BTR", "FMR", "ARR")
 """Values after reset that the description has wrong: bxCAN's (RM0008 24.9.2, 24.9.4) and a timer's (15.4.12)."""
 

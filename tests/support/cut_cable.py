@@ -68,10 +68,10 @@ class Cable:
         return self.board.write(data)
 
     def plug_in_again(self, after_us: int = 300_000) -> None:
-        """Time in which the board hears nobody, then the cable is whole."""
-        self.board.heard()
+        """Time in which the board receives nothing, then the cable is whole."""
+        self.board.received()
         self.board.run_us(after_us)
-        self.board.heard()
+        self.board.received()
         self.board.mcu.can_receive()
         self.cut = False
 

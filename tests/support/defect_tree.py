@@ -158,8 +158,8 @@ class Tree:
         done = self._python("-m", "support.fault_row", name, str(PHASES))
         if done.returncode:
             raise RuntimeError(f"{name}: exit code {done.returncode}: {done.stderr[-500:]}")
-        told = json.loads(done.stdout)
-        return Verdict(name, bool(told["why"]), told["why"], told["image"])
+        report = json.loads(done.stdout)
+        return Verdict(name, bool(report["why"]), report["why"], report["image"])
 
     def _run_test(self, name: str) -> Verdict:
         done = self._python("-m", "pytest", "-x", "-n0", "-p", "no:cacheprovider", name)

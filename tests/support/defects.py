@@ -15,7 +15,7 @@ tests/defects/*.toml declare them, a file for each file of the firmware:
     [[equivalent]]                        a change that nothing can notice
     line = ...
     becomes = ...
-    reason = "why no input tells the two apart"
+    reason = "why no input distinguishes the two"
 
 A text with a line that the source no longer has is stale: update it, or replace the defect by one of the new code.
 """

@@ -106,9 +106,9 @@ class FlashBoard:
         """Send text, let some turns go by, and give what was answered, to its last byte."""
         self.write(text)
         self.machine.advance_us(len(text) * BYTE_US + turns * LOOK_US)
-        return self.heard()
+        return self.received()
 
-    def heard(self) -> bytes:
+    def received(self) -> bytes:
         uart = self.machine.uart
         data = uart.read(uart.in_waiting) if uart.in_waiting else b""
         while data and data[-1:] not in (b"\r", b"\a"):

@@ -22,7 +22,7 @@ MEMORY_BYTES = 1500 << 20
 def try_block(path: Path, block: int, make: Callable[[int], bytes], read: Callable[[Path], object]) -> None:
     """Read the hostile files of a block of seeds from `path`, alone in its folder. make: seed -> what the file holds.
 
-    At least one is refused, each refusal is one sentence, and no file stays beside it.
+    At least one is refused, each refusal is one sentence, and no other file stays in the folder.
     """
     before, refused = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, 0
     for seed in range(block * BLOCK, block * BLOCK + campaign(4, BLOCK)):

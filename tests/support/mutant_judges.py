@@ -89,17 +89,17 @@ LIMIT_S = 7200
 """Of one test, which may call many mutants on a busy machine."""
 
 
-def other_killers(libraries: Sequence[Path], told: Path, tests: Sequence[str] = OTHERS) -> dict[Path, str | None]:
+def other_killers(libraries: Sequence[Path], report: Path, tests: Sequence[str] = OTHERS) -> dict[Path, str | None]:
     """For each library a test of kernels and systems that fails with it; None: all pass.
 
-    One run of the tests calls all of them beside the core (support.mutant_watch, which writes the file `told`). Then a
-    test in which a library answers otherwise is run with that library alone."""
-    told.touch()
-    answers = {"PLUMB_MUTANTS": os.pathsep.join(map(str, libraries)), "PLUMB_MUTANTS_TOLD": str(told)}
+    One run of the tests calls all of them together with the core (support.mutant_watch, which writes the file
+    `report`). Then a test in which a library answers otherwise is run with that library alone."""
+    report.touch()
+    answers = {"PLUMB_MUTANTS": os.pathsep.join(map(str, libraries)), "PLUMB_MUTANTS_REPORT": str(report)}
     done = _run(["-p", "support.mutant_watch", *tests], answers)
     if done.returncode != 0:
         raise RuntimeError(f"the tests of kernels and systems did not pass: {done.stdout[-2000:]}{done.stderr[-2000:]}")
-    lines = [line.split("\t") for line in told.read_text(encoding="utf-8").splitlines()]
+    lines = [line.split("\t") for line in report.read_text(encoding="utf-8").splitlines()]
     found: dict[Path, str | None] = {}
     for library in libraries:
         seen = [test for path, test in lines if path == str(library)]

@@ -1,9 +1,9 @@
-"""Call mutants of the core beside the core, in one run of the tests: a pytest plugin.
+"""Call mutants of the core together with the core, in one run of the tests: a pytest plugin.
 
-    PLUMB_MUTANTS=one.so:two.so PLUMB_MUTANTS_TOLD=told.txt pytest -p support.mutant_watch TESTS
+    PLUMB_MUTANTS=one.so:two.so PLUMB_MUTANTS_REPORT=report.txt pytest -p support.mutant_watch TESTS
 
 What a test calls in `plumb.boards.native_core` is called with each library, too, on the same inputs. The test sees the
-core's answer alone. PLUMB_MUTANTS_TOLD gets a line, the library and the test, for the first tests in which a library
+core's answer alone. PLUMB_MUTANTS_REPORT gets a line, the library and the test, for the first tests in which a library
 answers otherwise.
 """
 
@@ -23,9 +23,9 @@ import pytest
 
 from plumb.boards import native_core
 
-MUTANTS_VARIABLE, TOLD_VARIABLE = "PLUMB_MUTANTS", "PLUMB_MUTANTS_TOLD"
+MUTANTS_VARIABLE, REPORT_VARIABLE = "PLUMB_MUTANTS", "PLUMB_MUTANTS_REPORT"
 MOST_TESTS = 3
-"""So many tests are told of each library; then it is called no more."""
+"""After so many reported tests a library is called no more."""
 NO_ANSWER = frozenset({"c_core", "core_path", "kalman_steps_per_s", "require_valid", "word_names"})
 """Functions that load and check the core, or take its time."""
 CLASSES = (native_core.Controller, native_core.Controllers)
@@ -34,12 +34,12 @@ CLASSES = (native_core.Controller, native_core.Controllers)
 class Mutants:
     """The libraries, and which of them is called now; None: the core."""
 
-    def __init__(self, paths: list[str], told: Path) -> None:
+    def __init__(self, paths: list[str], report: Path) -> None:
         self.libraries = {path: ctypes.CDLL(path) for path in paths}
         for library in self.libraries.values():
             library.plumb_word_names.restype = ctypes.c_char_p
             library.plumb_crc32.restype = ctypes.c_uint32
-        self.told, self.test, self.noted = told, "", dict[str, list[str]]()
+        self.report, self.test, self.noted = report, "", dict[str, list[str]]()
         self.core, self.called = native_core.c_core, dict[str, ctypes.CDLL]()
 
     def c_core(self) -> ctypes.CDLL:
@@ -66,12 +66,12 @@ class Mutants:
         tests = self.noted.setdefault(path, [])
         if self.test not in tests:
             tests.append(self.test)
-            with self.told.open("a", encoding="utf-8") as file:
+            with self.report.open("a", encoding="utf-8") as file:
                 file.write(f"{path}\t{self.test}\n")
         if len(tests) >= MOST_TESTS:
             del self.libraries[path]
 
-    def beside(self, function: Callable[..., object]) -> Callable[..., object]:
+    def alongside(self, function: Callable[..., object]) -> Callable[..., object]:
         """The function, which calls all libraries on its way."""
 
         def called(*given: Any, **named: Any) -> object:
@@ -124,17 +124,17 @@ def content(answer: object) -> bytes:
 
 
 def watched(mutants: Mutants) -> None:
-    """Put the libraries beside the core of this process."""
+    """Add the libraries to the core of this process."""
     native_core.c_core = mutants.c_core  # type: ignore[assignment]
     mutants.c_core.__func__.cache_clear = mutants.core.cache_clear  # type: ignore[attr-defined]
     for name, function in inspect.getmembers(native_core, inspect.isfunction):
         if function.__module__ == native_core.__name__ and name[0] != "_" and name not in NO_ANSWER:
-            setattr(native_core, name, mutants.beside(function))
+            setattr(native_core, name, mutants.alongside(function))
     for kind in CLASSES:
         setattr(native_core, kind.__name__, mutants.shadowed(kind))
 
 
-MUTANTS = Mutants(os.environ[MUTANTS_VARIABLE].split(os.pathsep), Path(os.environ[TOLD_VARIABLE]))
+MUTANTS = Mutants(os.environ[MUTANTS_VARIABLE].split(os.pathsep), Path(os.environ[REPORT_VARIABLE]))
 watched(MUTANTS)
 
 

@@ -1,6 +1,6 @@
 """The shipped loop on the native port, on the bench of a test: undefined behaviour ends the process.
 
-A test reads its UART by hand (`say`, `heard`), spoils what passes, and sets its wires.
+A test reads its UART by hand (`say`, `received`), spoils what passes, and sets its wires.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class UartBoard(NativeUart):
         self.write(text)
         for _ in range(turns):
             self.pass_us(SLICE_US)
-        return self.heard()
+        return self.received()
 
-    def heard(self) -> bytes:
+    def received(self) -> bytes:
         data, self._up = self._up, b""
         return data
 

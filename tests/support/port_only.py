@@ -23,7 +23,7 @@ NATIVE_ONLY = {
     "test_a_live_run_can_be_run_again": "a line of chosen speed",
     "test_no_frame_and_no_noise_upsets_the_board": "a line of chosen speed",
     "test_sixteen_in_flight_and_no_more": "a line of chosen speed",
-    "test_the_next_step_tells_that_frames_were_dropped": "a line of chosen speed",
+    "test_the_next_step_reports_that_frames_were_dropped": "a line of chosen speed",
     "test_another_system_begins_with_nothing_selected": "no digital sensors are on the pins of the chip",
     "test_every_digest_arrives_over_a_bad_line": "its bound of time is that of a line that takes none",
     "test_step_numbers_go_round": "66,000 steps in lockstep take the chip minutes",

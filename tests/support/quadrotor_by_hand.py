@@ -32,7 +32,7 @@ WORDS = {
     "attitude.aid_s_q24": 1 << 26,
     "attitude.aid_hover_q15": 9830,
 }
-"""Parameters by name: defaults, sensors of 2000 deg/s and 16 g, and a drag that tells whether the vehicle flies."""
+"""Parameters by name: defaults, sensors of 2000 deg/s and 16 g, and a drag, so that the vehicle is known to fly."""
 GROUND_STEPS, TAKE_OFF_STEPS, ON_GROUND = 200, 90, 3000
 """Steps after which attitude is sure of the vertical; then six blocks with thrust; a throttle that is not low and does
 not lift off."""

@@ -105,7 +105,7 @@ class Bench:
     def driving(self) -> bool:
         return any(self.machine.pwm(pin).pulse_us != NEUTRAL_US for pin in ("PB6", "PB7"))
 
-    def told(self) -> list[str]:
+    def reported(self) -> list[str]:
         """What the board says of its sensors, from here on."""
         self.session.telemetry.pop("SENSORS", None)
         end = self.session.clock() + 0.25
@@ -117,13 +117,13 @@ class Bench:
         return self.session.connect()["FAULTS"]
 
     def bus_failures(self) -> int:
-        self.told()
+        self.reported()
         return self.session.telemetry["SENSORS"]["bus_failures"]
 
     def recovers(self, capture: Capture) -> None:
         """No fault any more, samples again, and it can be armed again: by a command, not by itself."""
         self.run(capture, RECOVERY_S)
-        assert self.told() == []
+        assert self.reported() == []
         assert not self.driving()
         assert self.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
         self.session.arm(ready_wait_s=4 * READY_S)  # the filter comes back from what the fault did to it

@@ -1,4 +1,4 @@
-"""A CAN bus on which several hosts hear every frame of a board of this process, each in its own buffer."""
+"""A CAN bus on which several hosts receive every frame of a board of this process, each in its own buffer."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class TwoHosts:
         self.mcu = NativeMcu(BUILD / "libplumb_board_trapping.so")
         self.wires = self.mcu.wires
         self.protocol = protocol()
-        self.heard: dict[Link, deque[tuple[str, dict[str, int]]]] = {link: deque(maxlen=400) for link in Link}
+        self.received: dict[Link, deque[tuple[str, dict[str, int]]]] = {link: deque(maxlen=400) for link in Link}
         self.accepted = self.refused = 0
         """Lines of the UART answered by CR, and by BEL; keep-alives are not counted."""
         self._asked: deque[bool] = deque()  # lines that are not answered yet: whether they are counted
@@ -100,7 +100,7 @@ class TwoHosts:
         message = self.protocol.by_identifier[frame[0]]
         assert message.sender != "host"
         said = message.decode(frame[1])
-        self.heard[link].append((message.name, said))
+        self.received[link].append((message.name, said))
         self._on_frame(link, message.name, said)
 
     # ---- both ----
@@ -109,8 +109,8 @@ class TwoHosts:
         """The first frame that is wanted, or None after so long."""
         for _ in range(limit_ms):
             self.pass_ms()
-            while self.heard[link]:
-                name, said = self.heard[link].popleft()
+            while self.received[link]:
+                name, said = self.received[link].popleft()
                 if found(name, said):
                     return {**said, "name": self.protocol[name].identifier}
         return None
@@ -124,7 +124,7 @@ class TwoHosts:
         """
         frame = self.sealed(link, name, *words, flags=flags)
         identifier, counter = frame[0], frame[1][1] & 15
-        self.heard[link].clear()
+        self.received[link].clear()
         accepted, refused = self.accepted, self.refused
         self.put(link, frame)
         wanted = self.protocol[answer].identifier

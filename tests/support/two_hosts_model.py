@@ -19,7 +19,7 @@ class LinkModel:
     open: bool = False
     read_only: bool = False
     greeted: bool = False
-    heard_us: int = field(default=0, repr=False)
+    received_us: int = field(default=0, repr=False)
 
     @property
     def lets_in(self) -> bool:

@@ -144,7 +144,7 @@ def with_gaps(raw: Counts) -> Counts:
 
 
 def with_rates_alone(raw: Counts) -> Counts:
-    """In all kinds of places of a block: at the start, for a while, for one step, beside a gap."""
+    """In all kinds of places of a block: at the start, for a while, for one step, next to a gap."""
     raw = with_gaps(raw)
     for begin, end in ((7, 40), (500, 700), (800, 801), (298, 332)):
         raw[begin:end, 3:] = NONE

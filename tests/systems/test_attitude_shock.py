@@ -54,7 +54,7 @@ def test_at_rest_a_step_of_the_bias_is_learned_within_seconds(step_dps: tuple[fl
     error = error_deg(words, up)
     # What the gyro turns until the acceleration leans by 3.6 deg, and in the second of a rest.
     assert error.max() < 5.0 + 1.6 * np.hypot(*step_dps[:2])
-    assert flagged(words, "UNSURE")[steps(AT_S) :].any(), "it is told"
+    assert flagged(words, "UNSURE")[steps(AT_S) :].any(), "it is reported"
     # 2 deg within 20 s is asked for; 0.1 deg after 8 s is reached.
     assert error[steps(AT_S + 8.0) :].max() < 0.3
     assert bias_dps(words) == pytest.approx(step_dps, abs=0.1)
@@ -98,7 +98,7 @@ def test_a_slow_turn_at_rest_is_no_step(rate_dps: float) -> None:
     ("accel_g", "turn_dps", "reads"), [(0.1, 0.0, 1.0), (0.6, 0.0, 1.0), (0.3, 8.0, 1.0), (0.3, 0.0, 0.98)]
 )
 def test_a_steady_acceleration_is_no_step(accel_g: float, turn_dps: float, reads: float) -> None:
-    """Nor one beside a steady turn, nor with an accelerometer that reads too little."""
+    """Nor one together with a steady turn, nor with an accelerometer that reads too little."""
     rate, moved = still(26.0)
     moved[steps(AT_S) : steps(AT_S + 4.0), 0] = accel_g
     moved[steps(AT_S + 8.0) : steps(AT_S + 12.0), 0] = -accel_g

@@ -88,7 +88,7 @@ def test_turns_are_doubted_by_a_lasting_velocity_beyond_that_of_a_body_that_move
 
 @pytest.mark.parametrize("unseen_deg", [30.0, 90.0, 135.0, 179.0])
 def test_a_vertical_that_rest_contradicts_is_found_within_two_seconds(unseen_deg: float) -> None:
-    """The gyro was dead while the body was turned: neither a clipped nor a missing sample tells of it."""
+    """The gyro was dead while the body was turned: neither a clipped nor a missing sample shows it."""
     rate, moved = still(20.0)
     turn = slice(steps(10.0), steps(11.0))
     rate[turn, 0] = unseen_deg
@@ -102,7 +102,7 @@ def test_a_vertical_that_rest_contradicts_is_found_within_two_seconds(unseen_deg
     assert error[turn.stop + steps(2.0) :].max() < 1.0
 
 
-def test_a_tilt_that_rest_cannot_tell_from_a_slow_dash_waits_for_the_speed() -> None:
+def test_a_tilt_that_looks_like_a_slow_dash_waits_for_the_speed() -> None:
     """20 deg feel like 0.34 g: a body at rest would be faster than 25 m/s after 7.4 s."""
     rate, moved = still(30.0)
     turn = slice(steps(10.0), steps(11.0))

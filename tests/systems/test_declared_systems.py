@@ -221,17 +221,17 @@ def test_golden_vectors_of_a_toy_system_hold_on_every_board(toy: Plumb, tmp_path
     toy("golden", "make", "--vectors", str(tmp_path))
     boards = ("--board", "native", "--board", "virtual", "--vectors", str(tmp_path), "--json")
     for link in ("serial", "can"):
-        told = json.loads(toy("golden", "check", *boards, "--link", link).stdout)
-        assert told["verdict"] == "pass"
-        assert {name: row["steps"] for name, row in told["boards"].items()} == dict.fromkeys(
+        report = json.loads(toy("golden", "check", *boards, "--link", link).stdout)
+        assert report["verdict"] == "pass"
+        assert {name: row["steps"] for name, row in report["boards"].items()} == dict.fromkeys(
             ("fixed", "native", "virtual"), 1000
         )
 
 
 @pytest.mark.parametrize("options", [("native",), ("virtual",), ("virtual", "--live")], ids=" ".join)
 def test_a_toy_system_runs(toy: Plumb, options: tuple[str, ...]) -> None:
-    told = json.loads(toy("run", "toy", "--seconds", "3", "--json", "--board", *options).stdout)
-    assert (told["verdict"], told["steps"], told["metrics"]["target_vs_fixed_mismatches"]) == ("pass", 300, 0)
+    report = json.loads(toy("run", "toy", "--seconds", "3", "--json", "--board", *options).stdout)
+    assert (report["verdict"], report["steps"], report["metrics"]["target_vs_fixed_mismatches"]) == ("pass", 300, 0)
 
 
 def test_parameters_of_a_toy_system_are_rows_of_the_table(toy: Plumb) -> None:
@@ -337,8 +337,8 @@ def test_the_rest_builds_and_runs_without_a_shipped_system(without_quad: Plumb) 
     left = [name for name in declarations.names() if name != "quad"]
     assert [line.split(":")[0] for line in without_quad("systems").stdout.splitlines()] == left
     for board in ("native", "virtual"):
-        told = json.loads(without_quad("run", "balancer", "--board", board, "--seconds", "1", "--json").stdout)
-        assert told["verdict"] == "pass"
+        report = json.loads(without_quad("run", "balancer", "--board", board, "--seconds", "1", "--json").stdout)
+        assert report["verdict"] == "pass"
     assert "there is no system 'quad'" in without_quad("run", "quad", "--board", "native", code=2).stderr
     assert "there is no command 'bandwidth'" in without_quad("bandwidth", "2.5", code=2).stderr
     assert "no system here has a demo" in without_quad("demo", code=2).stderr
@@ -358,8 +358,8 @@ def test_a_toy_system_is_added_to_the_image_of_all_as_written(with_toy: Plumb) -
     """The build refuses an image beyond its limit."""
     held = with_toy.run(with_toy.python, "-c", SYSTEMS, with_toy.image).stdout.split()
     assert held == [*images.image(images.ALL).systems, "toy"]
-    told = json.loads(with_toy("run", "toy", "--board", "virtual", "--seconds", "1", "--json").stdout)
-    assert (told["verdict"], told["metrics"]["target_vs_fixed_mismatches"]) == ("pass", 0)
+    report = json.loads(with_toy("run", "toy", "--board", "virtual", "--seconds", "1", "--json").stdout)
+    assert (report["verdict"], report["metrics"]["target_vs_fixed_mismatches"]) == ("pass", 0)
 
 
 IN_THE_TOWER = """

@@ -52,13 +52,13 @@ def test_nothing_of_it_speaks_of_attitude(name: str) -> None:
 def test_their_vectors_hold_on_every_board(guests: Plumb, tmp_path: Path) -> None:
     shutil.copy(GUESTS / "recipe.toml", tmp_path)
     guests("golden", "make", "--vectors", str(tmp_path))
-    told = json.loads(
+    report = json.loads(
         guests(
             "golden", "check", "--board", "native", "--board", "virtual", "--vectors", str(tmp_path), "--json"
         ).stdout
     )
-    assert told["verdict"] == "pass"
-    assert {name: row["steps"] for name, row in told["boards"].items()} == dict.fromkeys(
+    assert report["verdict"] == "pass"
+    assert {name: row["steps"] for name, row in report["boards"].items()} == dict.fromkeys(
         ("fixed", "native", "virtual"), 4500
     )
 
@@ -74,16 +74,16 @@ def test_their_vectors_hold_on_every_board(guests: Plumb, tmp_path: Path) -> Non
 def test_a_run_has_the_figures_that_its_system_declares(
     guests: Plumb, name: str, figures: tuple[str, ...], tmp_path: Path
 ) -> None:
-    told = json.loads(guests("run", name, "--board", "native", "--json", "--out", str(tmp_path)).stdout)
-    assert (told["verdict"], tuple(told["metrics"])) == ("pass", (*figures, "target_vs_fixed_mismatches"))
+    report = json.loads(guests("run", name, "--board", "native", "--json", "--out", str(tmp_path)).stdout)
+    assert (report["verdict"], tuple(report["metrics"])) == ("pass", (*figures, "target_vs_fixed_mismatches"))
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "integers against float64" in page.replace("duty of the ", "") and " deg" not in page
 
 
 def test_the_current_runs_armed_on_its_own_sensor(guests: Plumb) -> None:
-    told = json.loads(guests("run", "current", "--board", "virtual", "--live", "--seconds", "1.5", "--json").stdout)
-    assert (told["verdict"], told["steps"]) == ("pass", 1500)
-    assert told["metrics"]["current_rmse_a"] < 0.2
+    report = json.loads(guests("run", "current", "--board", "virtual", "--live", "--seconds", "1.5", "--json").stdout)
+    assert (report["verdict"], report["steps"]) == ("pass", 1500)
+    assert report["metrics"]["current_rmse_a"] < 0.2
 
 
 def test_a_check_of_its_own_disarms(guests: Plumb) -> None:

@@ -1,4 +1,5 @@
-"""The step of `phone`: every bit on both hands, close to float64, and what it does where an angle cannot be told."""
+"""The step of `phone`: every bit on both hands, close to float64, and its behaviour where an angle is not
+determined."""
 
 from __future__ import annotations
 
@@ -214,7 +215,7 @@ def test_the_rates_of_the_angles_are_the_formulas(pitch_deg: float, roll_deg: fl
     assert got == pytest.approx([float(value) for value in expected], abs=4e-5)
 
 
-def test_roll_is_not_corrected_beside_the_vertical() -> None:
+def test_roll_is_not_corrected_near_the_vertical() -> None:
     """Within 0.15 g across x: the innovation is 0, the variance grows, and a phone at rest keeps its roll."""
     params = quantise(phone.EULER)
     level = samples((0, 0, 0), phone.up(0.0, 25.0), 500)
@@ -280,10 +281,10 @@ def test_a_golden_vector_goes_over_the_top_on_every_board() -> None:
 @pytest.mark.parametrize(
     ("lateral_deg", "rates", "changes"), [(80.0, "euler", True), (85.0, "euler", False), (80.0, "body", False)]
 )
-def test_sides_change_with_the_bias_and_only_where_roll_can_be_told(
+def test_sides_change_with_the_bias_and_only_where_roll_is_determined(
     lateral_deg: float, rates: Literal["body", "euler"], changes: bool
 ) -> None:
-    """In the singular zone nothing tells the side, and the source's filter has none."""
+    """In the singular zone nothing shows the side, and the source's filter has none."""
     tuning = replace(
         phone.EULER,
         rates=rates,

@@ -182,7 +182,7 @@ def test_what_the_source_claims_stands_in_its_own_column(figures: list[Figure]) 
 
 
 def test_euler_rates_cost_where_one_axis_turns_and_win_where_all_do(figures: list[Figure]) -> None:
-    """The honest rows: beside the vertical the tangent makes an error of roll that body rates do not have."""
+    """The honest rows: near the vertical the tangent makes an error of roll that body rates do not have."""
     largest = {row.tuning: row.reached for row in figures if row.claim.endswith("largest error of roll")}
     assert 0.3 < largest["printed"] < 3.0 and 4.0 < largest["euler"] < 25.0
     shares = {row.tuning: row.reached for row in figures if row.scenario == "general" and "share" in row.claim}

@@ -38,7 +38,7 @@ def test_a_vehicle_leans_as_its_pilot_asks_and_its_steps_are_the_model_bit_for_b
     assert isinstance(height_m, float) and abs(height_m - courses.HEIGHT_M) < 0.3
 
 
-def test_a_run_whose_pilot_is_not_heard_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_without_frames_of_its_pilot_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(crsf.Pilot, "frames", lambda *_: b"")
     with pytest.raises(LinkError, match="no frames from the pilot's receiver"):
         plumb.run("quadrotor", board="virtual", live=True, scenario="lean", seconds=4.5)

@@ -84,7 +84,7 @@ def test_a_lost_receiver_is_held_then_stopped() -> None:
     assert (lost_m > 3.0).all(), "it falls"
 
 
-def test_a_receiver_heard_again_in_time_changes_nothing() -> None:
+def test_a_receiver_back_in_time_changes_nothing() -> None:
     flight = flown("heard-again")
     assert set(np.unique(flight.phase[flight.between(courses.ACTS_S, np.inf)])) == {FLOWN, HELD}
     assert np.abs(flight.height_m[flight.between(courses.ACTS_S, np.inf)] - courses.HEIGHT_M).max() < 0.5
@@ -146,7 +146,7 @@ def test_a_run_is_a_batch_of_one() -> None:
         assert vehicles.counts()[0].tolist() == alone.inputs.raw[step, :6].tolist()
 
 
-def test_the_plant_gives_the_throttle_and_the_switches_that_the_receiver_hears() -> None:
+def test_the_plant_gives_the_receivers_throttle_and_switches() -> None:
     run = scenarios.scenario("calm", 3, seconds=6.0)
     plant = scenarios.plant(run, open_loop=True)
     plant.follow(4.9, {})

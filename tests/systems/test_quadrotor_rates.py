@@ -17,7 +17,7 @@ MIXES = 20_000
 
 
 def at_rest(accel_g: tuple[float, float, float], **words: int) -> Quadrotor:
-    """On the ground, sure of the vertical that the acceleration tells."""
+    """On the ground, with a converged vertical from the acceleration."""
     vehicle = quadrotor(accel_g, **words)
     vehicle.throttle = ON_GROUND
     return vehicle

@@ -194,7 +194,7 @@ def test_hold_that_outlasts_the_landing_stops_on_the_ground() -> None:
 
 
 @pytest.mark.parametrize(("share", "learns"), [(0.6, True), (0.3, False)])
-def test_first_seconds_of_a_flight_learn_a_hover_that_was_told_too_high(share: float, learns: bool) -> None:
+def test_first_seconds_of_a_flight_learn_a_hover_that_was_set_too_high(share: float, learns: bool) -> None:
     vehicle = flying()
     hover = vehicle.step()["hover_q15"]
     vehicle.throttle = round(share * hover)
@@ -226,7 +226,7 @@ def test_landed_is_evidence_that_lasts(felt_g: float) -> None:
 
 
 def test_vehicle_without_an_aid_flies_and_lands() -> None:
-    """Nobody has told its drag yet: the estimator has no velocity, and take-off and landing are known all the same."""
+    """Its drag is not set: the estimator has no velocity, and take-off and landing are known all the same."""
     vehicle = quadrotor()
     vehicle.words = {**vehicle.words, "attitude.aid_s_q24": 0}
     assert "AIRBORNE" in flags(vehicle.step(TAKE_OFF_STEPS))
@@ -251,7 +251,7 @@ def test_hover_is_learned_from_thrust_and_acceleration(felt_g: float, hover: flo
 
 
 @pytest.mark.parametrize("felt_g", [0.4, 4.1])
-def test_falls_and_strong_accelerations_tell_no_hover(felt_g: float) -> None:
+def test_falls_and_strong_accelerations_determine_no_hover(felt_g: float) -> None:
     vehicle = flying()
     before = vehicle.step(40 * BLOCK_STEPS)["hover_q15"]
     vehicle.accel_g = (0.0, 0.0, felt_g)

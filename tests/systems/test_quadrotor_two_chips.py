@@ -1,4 +1,4 @@
-"""`quadrotor` with an ADXL345 and an ITG-3205: a rest before the take-off tells the bias of so noisy a gyro."""
+"""`quadrotor` with an ADXL345 and an ITG-3205: a rest before the take-off determines the bias of so noisy a gyro."""
 
 from __future__ import annotations
 

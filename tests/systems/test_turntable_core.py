@@ -163,7 +163,7 @@ def test_a_turn_has_the_sign_and_the_size_that_the_gyro_says(axis: int, layer: s
 @pytest.mark.parametrize("phase_s", [0.0, 0.0013, 0.0079])
 def test_streams_of_unrelated_phase_are_aligned(phase_s: float) -> None:
     """On a ramp of 60 deg/s^2 the gyro's sample is what is expected at its own instant, whenever that is; half a step
-    beside it would be 0.12 deg/s."""
+    next to it would be 0.12 deg/s."""
     tuning = turntable.with_fusion(QUIET, gyro_phase_s=phase_s, lag_s=0.0)
     raw = counts(
         lambda t: (3.0 * ramp(t)[0], 0.0, 0.0), lambda t: (3.0 * ramp_angular(t)[0], 0.0, 0.0), phase_s=phase_s

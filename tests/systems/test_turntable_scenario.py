@@ -137,9 +137,9 @@ def test_the_honest_rows_are_there(rows: Rows) -> None:
         claims = " / ".join(claim for name, _, claim in rows if name == scenario)
         assert "exactly as printed" in claims and "gyro alone, mean" in claims
         assert "known lag undone" in claims or scenario == "untrimmed"
-    beside = {row.claim for row in rows.values() if row.scenario == "motion" and row.sense == "beside"}
+    compared = {row.claim for row in rows.values() if row.scenario == "motion" and row.sense == "compared"}
     for honest in ("gyro alone, its known lag undone", "data layer exactly as printed"):
-        assert {f"{honest}, mean", f"{honest}, max"} <= beside, "also in the short table"
+        assert {f"{honest}, mean", f"{honest}, max"} <= compared, "also in the short table"
     for row in rows.values():
         assert row.sense in figures.UNASKED or row.reference is not None or row.unit == "points"
         assert row.reference is None or row.reference == pytest.approx(row.reached, abs=0.05), row.claim
@@ -153,7 +153,8 @@ def test_the_printed_data_layer_is_no_better_than_the_compensated_gyro(rows: Row
 
 
 def test_a_wrong_belief_about_the_scale_is_worse_than_no_fusion_and_loose_angular_survives_it() -> None:
-    """Told 0.5 % where the angular accelerometer is 3 % wrong; told 3 %, about the gyro with its lag undone is left."""
+    """Set to 0.5 % where the angular accelerometer is 3 % wrong; with 3 %, about the gyro with its lag undone is
+    left."""
     found = {
         (row.scenario, row.tuning): row.reached
         for row in turntable_figures.belief_rows(SEEDS)
@@ -197,7 +198,7 @@ def test_the_headline_is_over_ten_times_the_seeds_in_blocks() -> None:
     first, worst, *_ = many = list(turntable_figures.many_rows([1000]))
     assert first.claim == "data layer, seeds 1000-1009, mean" and worst.claim == "data layer, seeds 1000-1009, max"
     least, most = many[2], many[3]
-    assert least.reached < first.reached < most.reached and least.sense == most.sense == "beside"
+    assert least.reached < first.reached < most.reached and least.sense == most.sense == "compared"
     whole = turntable_figures.Batch.of("motion", range(1000, 1010))
     assert first.reached == pytest.approx(whole.integers("data").share_of(whole.gyro)[0], rel=1e-12)
     assert turntable_figures.HEADLINE[0] == "data layer, seeds 1000-1399, mean", "of the 40 seeds of the other rows"

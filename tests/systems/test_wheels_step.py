@@ -131,7 +131,7 @@ def test_switched_off_no_integral_grows_and_no_rider_is_missed() -> None:
     assert set(by_link["phase"].tolist()) == {RIDDEN}, "without a receiver there is no such switch"
 
 
-def test_a_silent_receiver_is_lost_and_heard_again() -> None:
+def test_a_silent_receiver_is_lost_and_found_again() -> None:
     lost_steps = PARAMS["wheels.lost_steps"]
     number = np.full(lost_steps + 20, 9)
     number[-5:] = 10

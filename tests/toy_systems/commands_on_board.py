@@ -101,11 +101,11 @@ def main(image: Path, log: Path) -> None:
         said: dict[str, object] = {"elsewhere": elsewhere(session)}
         recorder = Recorder(session, log, {"command": "a test"})
 
-        def heard(frames: list[Frame]) -> None:
+        def received(frames: list[Frame]) -> None:
             commands.capture.feed(frames)
             recorder.feed(frames)
 
-        session.listener = heard
+        session.listener = received
         commands.begin()
         said["at_start"] = commands.used()
         said["alone"] = commands.refused([])

@@ -79,7 +79,7 @@ class Board:
         return self._thread
 
     async def identity(self) -> BoardIdentity:
-        """Who the board says it is. Raises LinkError when it does not answer."""
+        """The identity of the board. Raises LinkError when it does not answer."""
         return await self._link().ask(lambda board: board.identity)
 
     @property
@@ -180,7 +180,7 @@ class Board:
     def _let_go(thread: LinkThread) -> None:
         """No keep-alive from this moment on, and the command to disarm, which nobody waits for."""
         thread.hold(None)
-        thread.tell(thread.disarm)
+        thread.post(thread.disarm)
 
 
 def _options_of(
@@ -209,7 +209,7 @@ def connect(
     Returns:
         The board; use it in an `async with` statement, which raises UsageError and LinkError as `plumb.connect`.
     """
-    inspect.signature(connection.connect).bind(board, **options)  # a wrong name is told here, not when it is opened
+    inspect.signature(connection.connect).bind(board, **options)  # a wrong name raises here, not when it is opened
     if on_lost is not None and not callable(on_lost):
         raise UsageError("on_lost: give a function")
 

@@ -43,8 +43,8 @@ class StreamEnded(BaseException):
 
 
 class Sink(Protocol):
-    """Where samples go. dropped: nobody can take them any more. most_behind_s: time between the last sample that was
-    taken and the newest one, from which on it is full. count: called here with a sample that is on its way; put:
+    """Receiver of samples. dropped: no task can take them any more. most_behind_s: time between the last sample that
+    was taken and the newest one, from which on it is full. count: called here with a sample that is on its way; put:
     called in the loop with a sample, with the error that ends the stream, or with None for its end."""
 
     dropped: bool
@@ -90,11 +90,11 @@ class LinkThread(threading.Thread):
             raise UsageError(CLOSED)
         return await future
 
-    def tell(self, what: Callable[[Board], object]) -> None:
-        """The same without a result, for what must happen whether somebody waits for it or not."""
+    def post(self, what: Callable[[Board], object]) -> None:
+        """The same without a result, for an action that must happen whether a caller waits for it or not."""
 
         def do() -> None:
-            with contextlib.suppress(PlumbError):  # a board that hears nobody disarms by itself
+            with contextlib.suppress(PlumbError):  # a board without keep-alive disarms by itself
                 what(self._opened())
 
         self._put(do)
@@ -130,7 +130,7 @@ class LinkThread(threading.Thread):
                 self.close(self._board)
             with self._gate:
                 self._ended = True
-            while self._serve(0.0):  # who asked last is told that the board is closed
+            while self._serve(0.0):  # the last callers get the error that the board is closed
                 pass
             atexit.unregister(self._exit)
 
@@ -160,7 +160,7 @@ class LinkThread(threading.Thread):
 
     def _exit(self) -> None:
         """At the end of the program, if nobody has closed the board."""
-        self.tell(self.close)
+        self.post(self.close)
         self.join(EXIT_S)
 
     def _turn(self) -> None:

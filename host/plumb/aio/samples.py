@@ -11,7 +11,7 @@ from plumb.api.live import Sample
 
 
 class Samples(AsyncIterator[Sample]):
-    """What `stream` gives: take its samples with `async for`. It ends when nobody refers to it any more."""
+    """The samples of `stream`, for `async for`. It ends when the last reference to it is gone."""
 
     def __init__(self, thread: LinkThread, seconds: float | None, begin: bool) -> None:
         self._thread, self._seconds, self._begin = thread, seconds, begin

@@ -1,2 +1,2 @@
-"""What learns from recordings and runs: identification of sensors, filters and loops; comparison with published
+"""Analyses of recordings and runs: identification of sensors, filters and loops; comparison with published
 algorithms."""

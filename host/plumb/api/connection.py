@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 class PlantAsked(NamedTuple):
-    """What is on the sensors of a simulated board. None: the first system, the system's own scenario."""
+    """The plant on the sensors of a simulated board. None: the first system, the system's own scenario."""
 
     system: str | None
     scenario: str | None
@@ -79,7 +79,7 @@ class Board:
         self._closed = False
         self._params: Parameters | None = None
         self._last: Sample | None = None
-        self._heard_s = time.monotonic()
+        self._received_s = time.monotonic()
         self._period_s = 1.0
 
     def __enter__(self) -> Self:
@@ -127,7 +127,7 @@ class Board:
 
     @property
     def identity(self) -> BoardIdentity:
-        """Who the board says it is. Raises LinkError when it does not answer."""
+        """The identity of the board. Raises LinkError when it does not answer."""
         if self._talks_to is None and self.name != "native":
             return BoardIdentity(installed().version, "", declarations.names())
         said = self._session().connect()
@@ -184,10 +184,10 @@ class Board:
             open_loop: As `plumb.run` takes it.
             live: As `plumb.run` takes it.
             raw: Raw counts of your own, (N, 3 to 6) integers of 16 bits, instead of a scenario.
-            setpoint: Setpoints beside `raw`, (N,) in the integers of the system; None: 0.
+            setpoint: Setpoints with `raw`, (N,) in the integers of the system; None: 0.
             gyr_radps: Angular rate, (N, 3) rad/s, instead of a scenario; `plumb.Estimator` says what is used of it.
-            acc_mps2: Specific force, (N, 3) m/s^2, beside `gyr_radps`.
-            ang_radps2: Angular acceleration, (N, 3) rad/s^2, beside `gyr_radps`.
+            acc_mps2: Specific force, (N, 3) m/s^2, with `gyr_radps`.
+            ang_radps2: Angular acceleration, (N, 3) rad/s^2, with `gyr_radps`.
             period_s: Period of inputs of your own; None: the tuning's.
 
         Returns:
@@ -281,7 +281,7 @@ class Board:
             if begin:
                 self._begin()
             for sample in stream.samples():
-                self._last, self._heard_s = sample, time.monotonic()
+                self._last, self._received_s = sample, time.monotonic()
                 yield sample
         finally:
             session.listener = None
@@ -311,13 +311,13 @@ class Board:
                 lost = before, found
 
     def _before(self, reason: str) -> Before:
-        """What is known of a board that is lost now."""
+        """State of a board at the moment of its loss."""
         session, last = self._session(), self._last
         assert session.identity is not None
         step, armed = (None, False) if last is None else (last.step, last.armed)
         tag = session.run_tag if self._live else None
         table = session.parameters.table
-        return Before(reason, session.identity, table, tag, step, armed, self._heard_s, self._period_s)
+        return Before(reason, session.identity, table, tag, step, armed, self._received_s, self._period_s)
 
     def _find_again(self, reconnection: Reconnection, before: Before, end_s: float | None) -> Found | None:
         """Close what is left of the link, and put the board in its place that is found."""
@@ -336,7 +336,7 @@ class Board:
     def arm(self) -> None:
         """Arm the board: its outputs drive the actuators from here on. A run on its own sensors is begun if none is on.
 
-        Armed, the board wants to hear this program every 40 ms: go on with `stream`, or with `keep_alive`.
+        An armed board needs a keep-alive of this program every 40 ms: go on with `stream`, or with `keep_alive`.
 
         Raises:
             UsageError: A board without a link.

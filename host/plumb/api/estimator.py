@@ -33,7 +33,7 @@ _PERIODS_S = (0.0005, 0.1)
 
 
 class Estimate(ArraySignals):
-    """What an estimator made of N samples: a mapping of signal -> array (N,) in units of SI.
+    """Result of an estimator for N samples: a mapping of signal -> array (N,) in units of SI.
 
     The keys are the words of the system's record with the unit at the end: `tilt_rad`, `bias_radps`,
     `rate_corrected_radps`, `accel_y_mps2`, ... `list(estimate)` names them all, and docs/reference/records.md says what
@@ -82,7 +82,7 @@ class Estimate(ArraySignals):
 
 @dataclass(frozen=True)
 class StepEstimate(StepSignals):
-    """What `Estimator.step` made of one sample: signal -> value in units of SI, as `Estimate` has arrays.
+    """Result of `Estimator.step` for one sample: signal -> value in units of SI, as `Estimate` has arrays.
 
     Attributes:
         words: The integer words of the step, by the names of the record.

@@ -19,7 +19,7 @@ __all__ = ["GoldenResult", "VectorResult", "check"]
 
 @dataclass(frozen=True)
 class GoldenResult:
-    """What boards made of golden vectors.
+    """Results of boards on golden vectors.
 
     Attributes:
         vectors: One entry per board and vector, in the order of the boards and of the recipe.

@@ -59,7 +59,7 @@ class KeptParameters:
         """The shipped tuning that a table came from: as the changes from here say, else the nearest."""
         try:
             recorded = parameter_history.tuning_of(self.changes)
-        except UsageError:  # a damaged file of changes is told by whoever takes one back
+        except UsageError:  # taking a change back reports a damaged file of changes
             recorded = None
         return shipped_tunings.origin_of(table, recorded)
 

@@ -1,4 +1,4 @@
-"""What a board says of itself: who it is, and in a run what every step came to."""
+"""Reports of a board: its identity, and in a run the results of every step."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from plumb.api.signals import ReceivedStep
-from plumb.link.monitor import Monitor, require_heard
+from plumb.link.monitor import Monitor, require_frames
 from plumb.link.realtime import unwrap
 from plumb.link.retries import REPLY_TIMEOUT_S
 from plumb.link.session import Session
@@ -20,7 +20,7 @@ HEALTH_EVERY_S = 0.1
 
 @dataclass(frozen=True)
 class BoardIdentity:
-    """Who a board says it is.
+    """Identity of a board.
 
     Attributes:
         version: Version of this plumb.
@@ -61,7 +61,7 @@ class Health:
 
 @dataclass(frozen=True)
 class Gap:
-    """What lies between two samples of a stream whose link was lost and came back.
+    """Gap between two samples of a stream whose link was lost and came back.
 
     Attributes:
         reason: Why the link was lost, as a sentence.
@@ -88,7 +88,7 @@ class Sample:
         time_s: Time of the step, s, counted in periods from the first step of the run.
         step: Number of the step in the run, from 0.
         signals: Signals of the step by name with unit (`tilt_deg`, `bias_dps`, `pulse_0_us`), as far as the link
-            carries them beside the steps; a signal that was lost is not there. A mapping; the names in SI work, too,
+            carries them with the steps; a signal that was lost is missing. A mapping; the names in SI work, too,
             every name is an attribute as well, and an attitude has roll, pitch and yaw (plumb.api.signals). While the
             board is not armed its pins are neutral, whatever pulses a step comes to.
         armed: Whether the actuators may be driven.
@@ -153,7 +153,7 @@ class SampleStream:
         session = self._session
         while True:
             session.receive(REPLY_TIMEOUT_S)
-            require_heard(session)
+            require_frames(session)
             done, self._done = self._done, []
             for one in done:
                 time_s = one.step * self._period_s

@@ -68,7 +68,7 @@ class LoggedRun(Recording):
             raise UsageError(f"{self.path.name} is of {self.system}, not of {system}")
         if period_s is not None or axis != "x":
             raise UsageError("axis and period_s are for recordings in units: a log is replayed as it was recorded")
-        return lambda opened, board, beside: log_replay.reproduce(self._recorded, opened, board, beside, seconds)
+        return lambda opened, board, link: log_replay.reproduce(self._recorded, opened, board, link, seconds)
 
 
 def load_run(path: Path, number: int | None, params: Path | None) -> LoggedRun:

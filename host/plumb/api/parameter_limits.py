@@ -16,9 +16,9 @@ GROWTH = 16
 """Between two candidates while a refused one is sought. Every range of accepted values that does not hold the present
 value is wider than that."""
 LARGEST, SMALLEST = 1e12, 1e-18
-"""Of the candidates' magnitudes. Where the largest is accepted there is no limit."""
+"""Range of the candidates' magnitudes. Where the largest is accepted there is no limit."""
 HALVINGS = 40
-"""Of the distance between an accepted and a refused candidate: to less than a step of any 32-bit integer."""
+"""Halvings of the distance between an accepted and a refused candidate: to less than a step of any 32-bit integer."""
 
 SAME = 2e-3
 """Relative distance between what is written and what is held, and a little more."""
@@ -55,7 +55,7 @@ def _largest(value: float, held: Held) -> float:
 
 
 def _between(accepted: float, refused: float, held: Held) -> float:
-    """What the board holds of the last accepted value on the way to a refused one."""
+    """The value that the board holds for the last accepted one on the way to a refused one."""
     for _ in range(HALVINGS):
         middle = (accepted + refused) / 2.0
         if held(middle) is None:

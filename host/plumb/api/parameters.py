@@ -21,7 +21,7 @@ from plumb.tuning.quantities import Value
 
 @dataclass(frozen=True)
 class ParameterDescription:
-    """What a parameter is.
+    """Description of a parameter.
 
     Attributes:
         name: Its whole name, as `pid.kp_per_deg`.
@@ -119,7 +119,7 @@ class Parameters(Mapping[str, Value]):
 
     @property
     def kept(self) -> KeptParameters:
-        """What this computer keeps of the board's parameters: changes that were made from here, and profiles."""
+        """The board's parameters as kept on this computer: changes that were made from here, and profiles."""
         return KeptParameters((self._session.identity or self._session.connect()).unique_id)
 
     def describe(self, name: str) -> ParameterDescription:

@@ -26,15 +26,15 @@ RECONNECT_INTERVAL_S = 0.5
 
 
 class AnotherBoardError(LinkError):
-    """What answers is not what was lost: waiting does not mend that."""
+    """Another board answers than the one that was lost: waiting does not mend that."""
 
 
 @dataclass(frozen=True)
 class Before:
-    """What a board was when it was lost.
+    """State of a board when it was lost.
 
     table: its parameters, None if they were never read. run_tag: of the run that was begun here, None without one.
-    step, armed: of the last sample of that run, None without one; heard_s: when it came. lost_s: when the loss was
+    step, armed: of the last sample of that run, None without one; received_s: when it came. lost_s: when the loss was
     noticed. Both by this computer's clock.
     """
 
@@ -44,13 +44,13 @@ class Before:
     run_tag: int | None
     step: int | None
     armed: bool
-    heard_s: float
+    received_s: float
     period_s: float
     lost_s: float = field(default_factory=time.monotonic)
 
     def near(self) -> int:
         """About the number of the step that the run is at, if it goes on."""
-        return 0 if self.step is None else self.step + round((time.monotonic() - self.heard_s) / self.period_s)
+        return 0 if self.step is None else self.step + round((time.monotonic() - self.received_s) / self.period_s)
 
     def still(self, now: Before) -> Before:
         """The same loss, as the board was found and lost once more before a sample came."""
@@ -69,7 +69,7 @@ class Found:
     def gap(self, before: Before, first: Sample) -> Gap:
         """The gap that ends with this sample."""
         steps = first.step - before.step - 1 if before.step is not None and self.goes_on else None
-        seconds = time.monotonic() - before.heard_s
+        seconds = time.monotonic() - before.received_s
         return Gap(before.reason, seconds, steps, before.armed, self.changed, self.image_changed)
 
 

@@ -89,7 +89,7 @@ class Recording:
     def _prepared(
         self, system: str | None, axis: Literal["x", "y", "z"], period_s: float | None, seconds: float | None
     ) -> Callable[[StepBoard, str, str | None], ScenarioRun]:
-        """Check what is asked for, and return the run; it takes the board, its name, and the link to show beside it."""
+        """Check the arguments, and return the run; it takes the board, its name, and the link to show with it."""
         if period_s is not None and not 0.0005 <= period_s <= 0.1:
             raise UsageError(f"period_s = {period_s:g}: a period is from 0.0005 to 0.1 s")
         period_us = None if period_s is None else round(period_s * 1e6)

@@ -78,13 +78,13 @@ class RunResult(ArraySignals):
 
     @property
     def truth(self) -> dict[str, FloatArray]:
-        """What the plant, or a recording's reference, says, by name with unit, (N,) each; NaN where it is not known,
+        """Truth of the plant, or of a recording's reference, by name with unit, (N,) each; NaN where it is not known,
         and empty for inputs of your own."""
         return self._done.run.inputs.truth
 
     @property
     def reference(self) -> dict[str, FloatArray]:
-        """What the equations in float64 make of the same counts, by name with unit, (N,) each."""
+        """Results of the equations in float64 on the same counts, by name with unit, (N,) each."""
         return self._done.run.reference
 
     @property
@@ -139,7 +139,7 @@ class RunResult(ArraySignals):
         return self._done.run.metrics()
 
     def summary(self) -> dict[str, object]:
-        """What `plumb run --json` prints, as plain types; raises UsageError for inputs of your own."""
+        """The output of `plumb run --json`, as plain types; raises UsageError for inputs of your own."""
         self._require_truth()
         return self._done.summary()
 

@@ -19,7 +19,7 @@ T_co = TypeVar("T_co", covariant=True)
 
 _QUATERNION = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
 _FRAMES = ("w", "x", "y", "z")
-"""What the frames of a link call them."""
+"""Their names in the frames of a link."""
 _UNITS = {"deg": 180.0 / np.pi, "rad": 1.0}
 
 

@@ -171,7 +171,7 @@ class Row:
 
 
 class BenchJson(TypedDict):
-    """What `bench --json` prints: the figures of each row, and the sizes of the image in bytes."""
+    """The output of `bench --json`: the figures of each row, and the sizes of the image in bytes."""
 
     kernels: dict[str, dict[str, object]]
     image: dict[str, int]
@@ -307,7 +307,7 @@ def _run_control(counter: Counter, tunings: Sequence[str]) -> list[_Run]:
 def _step_of(elf: Image, system: str) -> Row:
     """Row of another system's step over the first steps of every vector of its recipe; its error is that of its
     scenario. One that `elf` leaves out is measured in its own image."""
-    own_image, groups = images.beside_all().get(system), None
+    own_image, groups = images.left_out_of_all().get(system), None
     if own_image is not None:
         elf, groups = Image(named_image(system).with_suffix(".elf")), images.held_groups(own_image.systems)
     counter = Counter(elf, ["control_step"])

@@ -69,8 +69,8 @@ class Traffic:
     def uart_steps_ps(self) -> float:
         """Steps per second over the UART, limited by the busier of its two directions."""
         line_ps = DEFAULT_BAUD / LINE_BITS
-        told_ps = housekeeping_ps() - 1 / KEEPALIVE_EVERY_S
-        return min((line_ps - told_ps) / self.up, (line_ps - 1 / KEEPALIVE_EVERY_S) / self.down if self.down else 1e9)
+        sent_ps = housekeeping_ps() - 1 / KEEPALIVE_EVERY_S
+        return min((line_ps - sent_ps) / self.up, (line_ps - 1 / KEEPALIVE_EVERY_S) / self.down if self.down else 1e9)
 
     def share(self, kbit: int, period_us: int) -> float:
         """Part of the bus that a step every period_us takes."""
@@ -101,7 +101,7 @@ INPUTS = ((6, 0), (9, 6), (12, 16))
 
 def inputs_table() -> str:
     """Markdown table of the load of a step's inputs at 400 steps a second, on the UART in its busier direction and on a
-    bus of 500 kbit/s. verified: the board sends the inputs of each step beside its digest."""
+    bus of 500 kbit/s. verified: the board sends the inputs of each step with its digest."""
     often, seldom = "a set with every step", f"{SETS_PS} sets a second"
     lines = ["| counts | words of commands | run | frames/s down / up | UART | CAN 500 |", "|---" * 6 + "|"]
     for counts, words in INPUTS:

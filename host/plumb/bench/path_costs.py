@@ -11,7 +11,7 @@ Block = Sequence[Instruction]
 
 
 class _Passed(NamedTuple):
-    """What a block adds to a path, and the state that it leaves. grown: of the stack at the end, bytes."""
+    """Cost that a block adds to a path, and the state that it leaves. grown: growth of the stack at its end, bytes."""
 
     cost: Cost
     grown: int

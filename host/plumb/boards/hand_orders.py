@@ -196,7 +196,7 @@ class HandOrders:
             self._say(f"hand: {order.pose}{part}, within {order.over_s:g} s")
 
 
-def tell(name: str, pose: str) -> None:
+def send_order(name: str, pose: str) -> None:
     """Write an order for the hand of a served board, which reads this file or pipe. Raises UsageError."""
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
     try:

@@ -1,4 +1,4 @@
-"""The C core in a checkout: how its libraries are built, and whether one is older than the sources beside it."""
+"""The C core in a checkout: how its libraries are built, and whether one is older than its sources."""
 
 from __future__ import annotations
 

@@ -118,8 +118,8 @@ class ServedNative:
     def _follow(self, plant: Plant) -> None:
         self._follow_us += FOLLOW_US
         time_s = (self.mcu.now_us - self._begin_us) * 1e-6
-        if self.radio is not None and (heard := self.radio(time_s)):
-            self.mcu.receiver_send(heard)
+        if self.radio is not None and (received := self.radio(time_s)):
+            self.mcu.receiver_send(received)
         plant.follow(time_s, dict(zip(self._names, self._outputs(), strict=True)))
         self.mcu.sense(plant.counts(time_s)[: self._counts])  # commands, which follow the counts, come over the link
 

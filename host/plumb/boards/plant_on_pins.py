@@ -96,7 +96,7 @@ def plant_of(name: str, scenario: str | None, seed: int, *, open_loop: bool) -> 
 
 
 class PilotOnLine:
-    """The pilot of a plant: what his receiver hears goes to the line of the board's receiver as CRSF, once a period,
+    """The pilot of a plant: the frames of his receiver go to the line of the board's receiver as CRSF, once a period,
     from now on. coupling: that of the plant; its time 0 is the first sample that the board reads. armed: the switch of
     the motors stays off until it is set, because a board is not armed over a switch that is on."""
 

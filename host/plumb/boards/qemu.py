@@ -54,7 +54,7 @@ _EXIT_REASONS = {
 
 
 def input_file(params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> bytes:
-    """What the program reads: each part of the run with the parameter words that hold in it, then its samples."""
+    """The input of the program: each part of the run with the parameter words that hold in it, then its samples."""
     samples = np.zeros(len(raw), SAMPLE_DTYPE)
     inputs, samples["setpoint"] = check_inputs(params.system, raw, setpoint)
     samples["raw"][:, : inputs.shape[1]] = inputs
@@ -141,7 +141,7 @@ class QemuBoard(StepBoard):
 
     def _program(self, system: str) -> Path:
         """The ELF file that runs a system; where none was named, the one of every system where `all` leaves it out."""
-        left_out = not self._named and system in images.beside_all()
+        left_out = not self._named and system in images.left_out_of_all()
         return _find_image(self._core, WHOLE) if left_out else self.image
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:

@@ -104,8 +104,8 @@ def run_paced(
         data = line.read()
         if data:
             machine.uart.write(data)
-        if sticks is not None and (heard := sticks[0].read()):
-            sticks[1](heard)
+        if sticks is not None and (received := sticks[0].read()):
+            sticks[1](received)
         waiting = machine.uart.in_waiting
         if waiting:
             line.write(machine.uart.read(waiting))

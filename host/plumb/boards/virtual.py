@@ -36,7 +36,7 @@ class VirtualBoard(LinkBoard):
         self.machine.uart.name = f"the virtual board with {running}"
 
     def hold(self, system: str) -> Session:
-        """Where no image was named, a system that `all` leaves out gets its own, and the next one `all` again."""
+        """Without a named image, a system that `all` leaves out gets its own, and the next one `all` again."""
         if not self._named and system not in self.session.require_match().systems:
             own = images.running(system)
             self.session.close()

@@ -5,7 +5,8 @@ connects, uploads the parameters of the system, begins a real-time run on inject
 the run (which disarms) when the samples stop, and sends the keep-alive while the board is armed. Either side may
 disconnect and return.
 
-With a shadow, the integer model runs beside the board on the counts that the board reports (`plumb.proof.shadow`).
+With a shadow, the integer model runs in step with the board on the counts that the board reports
+(`plumb.proof.shadow`).
 """
 
 from __future__ import annotations
@@ -59,8 +60,9 @@ class Bridge:
 
     params: parameters to upload when a run begins, with those of the link's part by name (`link`). None: those that
     params_of returns for the board's system; without params_of, the board keeps its own. frames: frames of the actuator
-    to select beside the raw counts; () selects all of the system. arm: arm once, when the first run has steps; after a
-    disarm the board stays disarmed. say: called with messages for the user. tap: called with all frames of both sides.
+    to select in addition to the raw counts; () selects all of the system. arm: arm once, when the first run has steps;
+    after a disarm the board stays disarmed. say: called with messages for the user. tap: called with all frames of both
+    sides.
 
     down, up: time in the bridge, from the arrival of a whole sample, or of frames of the board, to the end of their
     write on the other side; sample_to_step: from the arrival of a sample to that of the board's report of its step.
@@ -142,8 +144,8 @@ class Bridge:
     def _idle_drain(self) -> list[Sample]:
         """Whole samples that arrived while no run is in progress; reports a board that is connected as sensor board."""
         arrived = self._drain()
-        heard = {frame[0] for _, frame in arrived}
-        if self._time_id in heard and self._sample_a.identifier not in heard:
+        identifiers = {frame[0] for _, frame in arrived}
+        if self._time_id in identifiers and self._sample_a.identifier not in identifiers:
             self._say_once(
                 f"{self.sensor.spec} is an STM32 board, not a sensor board: give the sensor board's BUS first"
             )
@@ -217,7 +219,7 @@ class Bridge:
         self.unused += len(meanwhile) - 1
         time_s, frames = (meanwhile or [sample])[-1]
         if self._samples.setpoint is not None and self._samples.setpoint not in frames and self.carries:
-            session.send(run.told([self._samples.setpoint]))
+            session.send(run.addressed([self._samples.setpoint]))
         pending = [(time_s, frames)]
         while not stopped() and not self._finished():
             run.send_samples(pending)
@@ -268,10 +270,10 @@ class _Run:
             else:
                 self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frames[-1][1])[2:])))
             if frames and bridge.carries:
-                self.session.send(self.told(frames))
+                self.session.send(self.addressed(frames))
                 bridge.down.note(time.monotonic() - time_s)
 
-    def told(self, frames: list[Frame]) -> list[Frame]:
+    def addressed(self, frames: list[Frame]) -> list[Frame]:
         """The frames, with every SETPOINT and its commands in the session's own words: the sensor board knows neither
         the tag of this run nor its steps."""
         known = self.session.protocol

@@ -56,7 +56,7 @@ class End:
         self.arrived: queue.SimpleQueue[tuple[float, Frame]] = queue.SimpleQueue()
         self._open = open_
         self._bus: can.BusABC | None = None
-        self._heard = False
+        self._spoke = False
         self._done = threading.Event()
         self._mistaken = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"bus {spec}", daemon=True)
@@ -103,8 +103,8 @@ class End:
                 with self._open(self.spec) as bus:
                     self._bus, self.trouble = bus, ""
                     self.generation += 1
-                    self._heard = not (isinstance(bus, PlumbBus) and bus.connectionless)
-                    self.flow.opened += self._heard
+                    self._spoke = not (isinstance(bus, PlumbBus) and bus.connectionless)
+                    self.flow.opened += self._spoke
                     self.flow.forget()
                     self._read(bus)
             except UsageError as error:
@@ -131,8 +131,8 @@ class End:
                     self.generation += 1
                     self.flow.forget()
                 asked.renew()
-                if not self._heard:
-                    self._heard = True
+                if not self._spoke:
+                    self._spoke = True
                     self.flow.opened += 1
                 frame = message.arbitration_id, bytes(message.data)
                 if self.flow.note(*frame):

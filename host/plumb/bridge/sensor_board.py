@@ -36,7 +36,7 @@ RESET_AFTER_S = 3.0
 """Time without drive after which the plant is reset. Longer than a bridge needs to reconnect, so that a short gap does
 not reset it."""
 HELLO_EVERY_S = 1.0
-"""Interval of HELLO frames on a CAN bus while no board is heard: HELLO opens the board's link, which times out."""
+"""Interval of HELLO frames on a CAN bus while no board sends: HELLO opens the board's link, which times out."""
 
 
 class SensorBoard:
@@ -57,7 +57,7 @@ class SensorBoard:
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
         """plant: creates the plant at the beginning of the scenario. outputs: word of the record -> (frame, signal)
-        that carries it. greet: send HELLO while no board is heard, as a node on the board's CAN bus must. rest_s:
+        that carries it. greet: send HELLO while no board sends, as a node on the board's CAN bus must. rest_s:
         length of the rest at the beginning of the scenario, repeated until the board is armed; 0 runs the scenario
         at once. layout: inputs of the system; None: six counts. sticks: the line to the board's receiver. say:
         called with a sentence when the samples fall behind real time, and when they keep up again."""
@@ -73,7 +73,7 @@ class SensorBoard:
         self._sticks, self._pilot = sticks, crsf.Pilot()
         self._said = SaidSetpoint(self._protocol)
         self._said.begin(self._layout.neutral)
-        self._step_s = self._heard_s = self._greeted_s = float("-inf")
+        self._step_s = self._received_s = self._greeted_s = float("-inf")
         self._driven_s: float | None = None
         self._greet = greet
         self._watch = RealTimeWatch("the sensor board", "this machine is too slow or too busy for it", say, clock)
@@ -105,7 +105,7 @@ class SensorBoard:
         time_s = (self.sent - self._waited_steps) * self.period_s
         self.plant.follow(time_s, self._values if driven else {})
         counts, setpoint, now_s = self.plant.counts(time_s), self.plant.setpoint(time_s), self._clock()
-        if self._greet and min(now_s - self._heard_s, now_s - self._greeted_s) > HELLO_EVERY_S:
+        if self._greet and min(now_s - self._received_s, now_s - self._greeted_s) > HELLO_EVERY_S:
             self._greeted_s = now_s
             hello = self._protocol["HELLO"]
             self._send(hello.identifier, hello.pack(0, 0, self._protocol.version, self._protocol.dbc_hash))
@@ -115,10 +115,13 @@ class SensorBoard:
             self._setpoint = setpoint
             self._said.say(setpoint, repeats=True)
         if self._said.due(now_s, armed=True):
-            told, number = self._protocol["SETPOINT"], self._said.next_step
+            setpoint_message, number = self._protocol["SETPOINT"], self._said.next_step
             for frame in self._said.set_frames(self._run_tag):
                 self._send(*frame)
-            self._send(told.identifier, told.pack(self.sent & 15, self._run_tag, number, self._said.value))
+            self._send(
+                setpoint_message.identifier,
+                setpoint_message.pack(self.sent & 15, self._run_tag, number, self._said.value),
+            )
             self._said.sent(now_s)
         for frame in sample_frames(self._protocol, self.sent, counts[: self._layout.counts], layout=self._layout):
             self._send(*frame)
@@ -134,7 +137,7 @@ class SensorBoard:
             return
         identifier, data = message.arbitration_id, bytes(message.data)
         if identifier in self._from_board:
-            self._heard_s = self._clock()
+            self._received_s = self._clock()
         if identifier == self._protocol["TIME"].identifier:
             tag = self._protocol["TIME"].decode(data)["run_tag"]
             if tag != self._run_tag:

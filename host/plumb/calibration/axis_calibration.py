@@ -1,4 +1,4 @@
-"""Calibrate the sensors of a board on its own readings: poses at rest, one turn, and what comes of them.
+"""Calibrate the sensors of a board on its own readings: poses at rest, one turn, and the parameters that follow.
 
 The board stays disarmed. Nothing is written to it: the result are parameters that a caller commits.
 """
@@ -33,7 +33,7 @@ MOST_TURN_ERROR = 0.05
 
 
 class Operator(Protocol):
-    """Who holds the body. Every method may raise to give up."""
+    """The holder of the body. Every method may raise to give up."""
 
     def place(self, pose: Pose) -> None:
         """Return when the body is in this pose, and at rest."""
@@ -42,7 +42,7 @@ class Operator(Protocol):
         """Return when the reading may begin during which the body is turned to the pose `end`. text: how."""
 
     def refused(self, reason: str) -> None:
-        """Be told why a reading was not taken; it is asked for again."""
+        """Called with the reason when a reading was not taken; it is asked for again."""
 
 
 class ReadingRefusedError(Exception):
@@ -60,7 +60,7 @@ class Calibrated:
     before: Residual
     after: Residual
     remarks: tuple[str, ...]
-    """What else there is to know, in sentences: how a sensor is mounted."""
+    """Further remarks, in sentences: how a sensor is mounted."""
 
 
 MARKER = "calibrated"

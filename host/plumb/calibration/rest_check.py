@@ -14,7 +14,7 @@ SETTLE_S = 3.0
 """Time that the filter gets to find the gyro's bias."""
 LOOK_S = 2.0
 RATE_TOLERANCE = 0.02
-"""Of the steps per second."""
+"""Share of the steps per second."""
 MOST_RATE_DPS = 3.0
 MOST_TILT_ERROR_DEG = 2.0
 """Between the tilt and that of the accelerometer alone, means over LOOK_S, at rest."""
@@ -34,7 +34,7 @@ def examine(session: Session) -> tuple[Snapshot, list[str]]:
 
 
 def troubles(looks: Sequence[Snapshot], steps_per_s: float) -> list[str]:
-    """What is not well in these states, one after the other."""
+    """Troubles in these states, one after the other."""
     last = looks[-1]
     found = [f"fault: {text}" for text in last["faults"]]
     if not last["live"]:

@@ -1,4 +1,4 @@
-"""Calibrate three-axis sensors of a board on its own readings: six poses, three turns, and what comes of them.
+"""Calibrate three-axis sensors of a board on its own readings: six poses, three turns, and the parameters that follow.
 
 The board stays disarmed. Nothing is written to it. The turns back, and the rests at their ends, are not used for the
 result: on them it shows what is wrong before and after.
@@ -37,7 +37,7 @@ from plumb.tuning.sides import VectorReading
 from plumb.tuning.vector_calibration import Fit, Sensor, Turned
 
 LEFT_G = 0.005
-"""What one zero for all axes may leave of an axis' zero without a word: a tilt of 0.3 degrees."""
+"""Rest of an axis' zero, after one zero for all axes, that is not reported: a tilt of 0.3 degrees."""
 
 
 def calibration_of(session: Session) -> Calibration | VectorCalibration:
@@ -207,7 +207,7 @@ def turned_by(accel: Fit | Sensor, before: VectorReading, moving: VectorReading,
 
 
 def residual(checked: Checked, gyro: Fit | Sensor, accel: Fit | Sensor) -> Residual:
-    """What is wrong with these sensors on readings that they were not made from. rate at rest: the length of its mean;
+    """Errors of these sensors on readings that the calibration did not use. rate at rest: the length of its mean;
     gyro over the turns: rms."""
     felt = [(pose, accel.value(rest.accel.mean(axis=0))) for pose, rest in checked.rests]
     norms = [float(np.linalg.norm(one)) - 1.0 for _, one in felt]

@@ -1,4 +1,4 @@
-"""Two campaigns beside each other, paired by seed: whether the difference of a figure is real.
+"""Compare two campaigns, paired by seed: whether the difference of a figure is real.
 
 Runs of one seed share their noise, so that most of the spread cancels in their difference.
 """
@@ -20,8 +20,8 @@ NO_PAIRS = "the campaigns have no seed in common: run both with the same first s
 
 @dataclass(frozen=True)
 class Difference:
-    """Of a metric: this campaign minus the other. low, high: 95 % interval of the mean difference; real: it does not
-    have 0 in it."""
+    """Difference of a metric: this campaign minus the other. low, high: 95 % interval of the mean difference; real: it
+    does not have 0 in it."""
 
     metric: str
     pairs: int

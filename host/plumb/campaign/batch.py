@@ -1,5 +1,5 @@
 """Run a stretch of a study's runs in this process: the same steps as `plumb run --board native`, without the integer
-model beside them.
+model.
 
 An open loop gives all samples to the core in one call; a closed one runs core and plant in C, or step by step where the
 plant is in Python alone. Only one run is in memory at a time, but for those that a reference or a board confirms.
@@ -93,7 +93,7 @@ class Attempt(NamedTuple):
 
 
 _NO_DIGESTS = np.zeros(0, np.uint32)
-"""Of the steps: a campaign has the digest of the run alone."""
+"""No digests of steps: a campaign has the digest of the run alone."""
 
 
 class _Unknown(dict[str, FloatArray]):
@@ -108,7 +108,7 @@ class _Unknown(dict[str, FloatArray]):
 
 
 def identity(study: Study | None = None) -> dict[str, object]:
-    """What decides the bits of a run beside its study: the native core, the package, numpy, the content of recordings.
+    """Everything besides its study that decides the bits of a run: native core, package, numpy, content of recordings.
     Workers whose identity differs do not run the same campaign. Raises UsageError for a recording that is not there."""
     files = study.recording_files() if study is not None else []
     version = installed()
@@ -123,7 +123,7 @@ def identity(study: Study | None = None) -> dict[str, object]:
 
 @cache
 def _core_sha256() -> object:
-    """Of the core that this process has loaded: its file is read once, not for every batch."""
+    """SHA-256 of the core that this process has loaded: its file is read once, not for every batch."""
     return image_of(native_core.core_path())["sha256"]
 
 
@@ -177,7 +177,7 @@ def digest_of(words: Words) -> int:
 
 
 def run_one(request: RunRequest) -> Run:
-    """One run on the native core, without the model and the reference beside it."""
+    """One run on the native core, without the model and the reference."""
     drawn = scenario_run.draw(request)
     inputs, words = _answer(request, drawn)
     return _run(inputs, drawn.params, words)

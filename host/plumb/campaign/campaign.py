@@ -32,8 +32,8 @@ class Where:
 
 
 def run(study: Study, where: Where, done: Callable[[int], object] = lambda runs: None) -> Iterator[Batch]:
-    """Every batch of a study, in the order in which they are finished; those that are kept come first. done: is told
-    the runs of each.
+    """Every batch of a study, in the order in which they are finished; those that are kept come first. done: called
+    with the number of runs of each.
 
     Raises UsageError for a folder of another campaign, a full disk, a cluster of another version; LinkError for a
     scheduler that does not answer.
@@ -79,7 +79,7 @@ def _batches(
             raise UsageError(f"a worker is of another version ({odd}): install the same plumb on it and start it again")
         if folder is not None:
             folder.keep(number, found)
-        if alike and found.metrics:  # a limit without a figure is told before the other batches are run
+        if alike and found.metrics:  # a limit without a figure is reported before the other batches are run
             statistics.check_limits(study.limits, found.metrics)
         done(len(found.index))
         yield found

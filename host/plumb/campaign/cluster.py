@@ -28,7 +28,7 @@ def on_cluster(study: Study, tasks: Sequence[Task], address: str) -> Iterator[tu
     """Raises UsageError without the package, and for workers of another version; LinkError for a scheduler or workers
     that do not answer."""
     distributed = required("distributed", "distributed", "--scheduler", "campaign")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are told as sentences
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are reported as sentences
     if not ADDRESS.fullmatch(address):
         raise UsageError(f"'{address}' is no address of a Dask scheduler: write tcp://HOST:PORT")
     if not tasks:

@@ -1,4 +1,5 @@
-"""What a study varies from run to run, and how values are drawn: a grid, at random, or as a Latin hypercube.
+"""The factors that a study varies from run to run, and how values are drawn: a grid, at random, or as a Latin
+hypercube.
 
 A factor is a list of choices or a range. Its value in run i depends on the study alone, not on who runs it or in which
 order.
@@ -20,7 +21,7 @@ GRID, RANDOM, HYPERCUBE = "grid", "random", "latin-hypercube"
 DRAWS = (GRID, RANDOM, HYPERCUBE)
 
 Value = str | float | tuple[str, ...]
-"""Of a factor in one run; a tuple: faults."""
+"""Value of a factor in one run; a tuple: faults."""
 
 
 @dataclass(frozen=True)

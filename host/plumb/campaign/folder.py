@@ -99,7 +99,7 @@ class Folder:
 
 
 def differences(kept: Mapping[str, object], now: Mapping[str, object]) -> str:
-    """What differs between two identities, in words."""
+    """The difference between two identities, in words."""
     names = [name for name in now if kept.get(name) != now[name]]
     return ", ".join(f"{name} {_short(kept.get(name))}, here {_short(now[name])}" for name in names) or "another layout"
 
@@ -120,7 +120,7 @@ def about_of(path: Path) -> dict[str, Any]:  # Any: JSON
     return found
 
 
-def results_of(path: Path, beside: Study) -> Results:
+def results_of(path: Path, study: Study) -> Results:
     """The runs in a folder, to compare a study with. Raises UsageError for a folder without a campaign, for one that is
     not finished, and for runs that share no noise with those of the study: of another system, but for recordings."""
     about = about_of(path)["study"]
@@ -130,8 +130,8 @@ def results_of(path: Path, beside: Study) -> Results:
     if len(found) < runs:
         raise UsageError(f"{path} has {len(found)} of its {runs} runs: finish it with --resume")
     recorded = bool(about.get("recording") or "recording" in (about.get("vary") or {}))
-    if system != beside.system and not (recorded and beside.recordings_named):
-        shared = f"whose noise is not that of {beside.system}: compare two campaigns of one system"
+    if system != study.system and not (recorded and study.recordings_named):
+        shared = f"whose noise is not that of {study.system}: compare two campaigns of one system"
         raise UsageError(f"{path} has runs of {system}, {shared}")
     return found
 

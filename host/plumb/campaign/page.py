@@ -69,7 +69,7 @@ def invariants(study: Study, results: Results) -> Statement:
 
 
 def invariant_tables(study: Study, results: Results) -> list[Plot | XyPlot | Table]:
-    """What has to hold, and where it does not."""
+    """The limits, and the runs that do not keep them."""
     found, says = results.violations, declared(study)
     counts = violated.counts(says, found)
     rows_of = [[name, says.get(name, ""), str(count)] for name, count in counts.items()]

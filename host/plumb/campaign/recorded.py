@@ -90,12 +90,12 @@ def _recording(path: Path) -> Recording:
 
 @lru_cache(maxsize=8)
 def _sha256(path: Path, size: int, changed_ns: int) -> str:
-    """Of a file, read again when its size or its time has changed."""
+    """SHA-256 of a file, read again when its size or its time has changed."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def content_sha256(paths: list[Path]) -> str:
-    """Of the recordings of a study: other content gives another campaign. Raises UsageError for one that is not
+    """SHA-256 of the recordings of a study: other content gives another campaign. Raises UsageError for one that is not
     there."""
     parts = []
     for path in paths:

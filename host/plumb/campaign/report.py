@@ -1,4 +1,4 @@
-"""What a campaign says when it is done: the JSON of `plumb campaign`, and the files of its folder."""
+"""The output of a finished campaign: the JSON of `plumb campaign`, and the files of its folder."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Report:
     identity: dict[str, Any]  # Any: JSON
 
     def to_json(self) -> dict[str, Any]:  # Any: JSON
-        """What `plumb campaign --json` prints."""
+        """The output of `plumb campaign --json`."""
         failed = [
             {
                 "seed": int(self.results.seed[place]),
@@ -114,7 +114,7 @@ class Report:
         return lines
 
     def _confirmed_lines(self) -> list[str]:
-        """What the board that confirms has said; []: none was asked."""
+        """Results of the board that confirms; []: no board was named."""
         if CONFIRMED not in self.results.metrics:
             return []
         differing = self.results.differing

@@ -20,7 +20,7 @@ from plumb.extras import required
 from plumb.spec.arrays import FloatArray
 
 COLUMNS = ("index", "seed", "steps", "digest", "error")
-"""Of every campaign, before its factors and its metrics."""
+"""Columns of every campaign, before its factors and its metrics."""
 CONFIRMED = "confirmed_mismatches"
 """Metric: steps of a run that another board gives otherwise."""
 

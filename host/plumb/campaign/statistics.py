@@ -146,8 +146,8 @@ def check_limits(limits: Mapping[str, float], metrics: Collection[str]) -> None:
 
 
 def shares(results: Results, limits: Mapping[str, float]) -> list[Share]:
-    """Of every limit; a run without the figure, or that failed, does not keep it. Raises UsageError for a metric that
-    no run has."""
+    """Results of every limit; a run without the figure, or that failed, does not keep it. Raises UsageError for a
+    metric that no run has."""
     check_limits(limits, results.metrics)
     found = []
     for metric, limit in limits.items():
@@ -161,7 +161,7 @@ def shares(results: Results, limits: Mapping[str, float]) -> list[Share]:
 
 @dataclass(frozen=True)
 class Effect:
-    """What a factor does to a metric. share: of the metric's variance that the levels explain, 0 to 1 (the correlation
+    """Effect of a factor on a metric. share: of the metric's variance that the levels explain, 0 to 1 (the correlation
     ratio, corrected for what chance explains). levels: name, mean of the metric and number of runs."""
 
     factor: str

@@ -79,7 +79,7 @@ class Study:
     recordings: str | None = None
     """The folder of the recordings, seen from that of the study's file; None: that of PLUMB_DATA."""
     grade: str | None = None
-    """Of the sensors on a recording, as `plumb compare --grade` has them."""
+    """Errors of the sensors on a recording, as `plumb compare --grade` has them."""
     decimate: int = 1
     """Samples of a recording in a block, whose mean is taken first."""
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -109,7 +109,7 @@ class Study:
         }
 
     def sha256(self) -> str:
-        """Of what decides the runs: a limit may change when they are done."""
+        """SHA-256 of the entries that decide the runs: a limit may change when they are done."""
         deciding = {name: value for name, value in self.to_json().items() if name != "limits"}
         return hashlib.sha256(json.dumps(deciding, sort_keys=True).encode()).hexdigest()
 
@@ -117,7 +117,7 @@ class Study:
         return self.first_seed + (index // points_of(self.vary) if self.draw == GRID else index)
 
     def values(self, index: int) -> dict[str, Value]:
-        """What is varied, in run `index`."""
+        """The values of the factors in run `index`."""
         return values_of(self.vary, self.draw, self.draw_seed, self.runs, index)
 
     def request(self, index: int) -> RunRequest:
@@ -185,7 +185,7 @@ class Study:
         }
 
     def described(self) -> str:
-        """What is run and what varies, for the head of a page."""
+        """The scenario and the factors, for the head of a page."""
         names = {factor.name for factor in self.vary}
         if self.recordings_named:
             said = [] if "recording" in names else [f"recording {self.recording}"]

@@ -1,4 +1,4 @@
-"""Who runs the batches of a campaign: this process, processes on all cores, or the workers of a Dask cluster.
+"""Workers that run the batches of a campaign: this process, processes on all cores, or the workers of a Dask cluster.
 
 Each is a function of numbered batches that gives (number, Batch) as they are finished, in any order.
 """

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 SIMULATED = ("virtual", "native")
 NAME = "calibrate"
-"""Of such a change in the history of a board's parameters."""
+"""Mark of such a change in the history of a board's parameters."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,7 +82,7 @@ def opened(arguments: argparse.Namespace) -> tuple[LinkBoard, Callable[[str], No
 
 
 class Person:
-    """Who holds the body: a person, or the hand of a simulated board."""
+    """The holder of the body: a person, or the hand of a simulated board."""
 
     def __init__(self, asked: Questions, put: Callable[[str], None] | None) -> None:
         self._asked, self._put = asked, put
@@ -176,7 +176,7 @@ def undo(session: Session, asked: Questions, as_json: bool) -> int:
 
 
 def report(found: Calibrated) -> list[str]:
-    """What is wrong before and after, and the parameters that change."""
+    """The errors before and after, and the parameters that change."""
     rows = [
         ("gravity at rest, off 1 g (rms)", 1e3 * found.before.norm_g, 1e3 * found.after.norm_g, "mg"),
         ("tilt of the poses (rms)", found.before.pose_deg, found.after.pose_deg, "deg"),

@@ -92,7 +92,7 @@ def _given(values: dict[str, object]) -> dict[str, object]:
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """What is wrong in the study. Raises UsageError."""
+    """Check the study. Raises UsageError."""
     from plumb.errors import UsageError
 
     if not _is_file(arguments):

@@ -82,16 +82,16 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.seeds is not None and arguments.seeds < 1:
         raise UsageError(f"--seeds is 1 or more, not {arguments.seeds}")
     results, algorithms = _flown(arguments) if arguments.flights else _replayed(arguments)
-    told = page.to_json(results, algorithms)
+    document = page.to_json(results, algorithms)
     found = page.tables(results, algorithms)
     if arguments.out:
         from plumb.proof import report
 
         lead = f"{len(results)} inputs, {len(algorithms)} algorithms on the same counts."
         html = report.page("Tilt error, compared", "", lead, [*page.plots(results[0]), *found])
-        texts = {"report.html": html, "comparison.json": json.dumps(told, indent=1) + "\n"}
+        texts = {"report.html": html, "comparison.json": json.dumps(document, indent=1) + "\n"}
         report.write_whole(arguments.out, texts)
-    print(json.dumps(told) if arguments.json else table_text.text(found))
+    print(json.dumps(document) if arguments.json else table_text.text(found))
     if arguments.out and not arguments.json:
         print(f"report: {arguments.out / 'report.html'}")
     return ExitCode.GOOD
@@ -139,5 +139,4 @@ def _flown(arguments: argparse.Namespace) -> tuple[list[Compared], tuple[Estimat
     names, algorithms = inputs.chosen(arguments.only or ()), estimators(arguments.algorithm or ())
     seeds = range(inputs.FIRST_SEED, inputs.FIRST_SEED + (arguments.seeds or inputs.SEEDS))
     with tqdm(total=inputs.seconds(names), unit="s", disable=None, leave=False) as bar:
-        told = arguments.drag_setting
-        return [inputs.flown(name, seeds, algorithms, bar.update, told) for name in names], algorithms
+        return [inputs.flown(name, seeds, algorithms, bar.update, arguments.drag_setting) for name in names], algorithms

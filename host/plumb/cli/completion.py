@@ -158,7 +158,7 @@ FIXED: dict[str, Callable[[], Iterable[str]]] = {
 
 
 def values(kind: str) -> list[str]:
-    """What is there at present of this kind."""
+    """The present values of this kind."""
     from plumb.files import settings
     from plumb.link.can_interfaces import network_interfaces
     from plumb.link.discovery import serial_ports

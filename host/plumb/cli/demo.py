@@ -74,7 +74,7 @@ def main(arguments: argparse.Namespace) -> int:
     here = ["native", *([] if without_qemu else ["qemu"])]
     boards = [*((one, one, "serial") for one in here), ("virtual", "virtual", "serial")]
     boards.append(("virtual, CAN", "virtual", "can"))
-    options.tell_default(arguments, name, DEMO.name)
+    options.print_default(arguments, name, DEMO.name)
     if without_qemu:
         print(f"without qemu: {without_qemu}", file=sys.stderr)
     cases = golden.cases(folder)

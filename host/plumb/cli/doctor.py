@@ -5,7 +5,7 @@
     plumb doctor --board auto                      the only board that is here
     plumb doctor --probe openocd                   the chip at a debug probe, and whether it is a clone; it is reset
 
-Below a line that is not ok stands the command that mends it. Of a serial port where no board answers it says why: in
+Below a line that is not ok stands the command that mends it. For a serial port where no board answers it says why: in
 use, no permission, another baud rate, BOOT0 at 1, another program on the chip, or silence. Exit code 0 when `plumb
 demo` can run, else 2; 1 when the board has a fault or does not match this version of plumb, 3 when it does not answer.
 """

@@ -70,10 +70,10 @@ def tried(session: Session, steps: int, seed: int) -> dict[str, Any]:
     after = board_counters(session)
     session.end()
     expected = run_fixed.run_control(control, raw, setpoint).digests()
-    heard = np.concatenate([np.array(digests, np.uint32), streamed])
+    received = np.concatenate([np.array(digests, np.uint32), streamed])
     counters = session.counters
     losses = {
-        "wrong_digests": count_mismatches(expected, heard),
+        "wrong_digests": count_mismatches(expected, received),
         "host_lost": counters.lost,
         "host_rejected": session.frames.rejected,
         "repeated_requests": counters.repeated_requests,

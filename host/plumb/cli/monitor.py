@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 class View(Protocol):
-    """What a look is shown on. begin: a board answers; show: one look, with the speed of a simulated board; trouble:
+    """View that shows looks. begin: a board answers; show: one look, with the speed of a simulated board; trouble:
     why there is none; ended: whether the user has asked for the end."""
 
     def __enter__(self) -> object: ...

@@ -187,7 +187,7 @@ class Screen:
         return table
 
     def _state(self, s: Snapshot) -> list[RenderableType]:
-        """What blocks arming, faults, events and counters; what needs attention is coloured."""
+        """Reasons that block arming, faults, events and counters; those that need attention are coloured."""
         blocked = "; ".join(s["blocked"])
         faults = "; ".join(s["faults"])
         cause = "; ".join(s["disarm_cause"])
@@ -220,7 +220,7 @@ class Screen:
 
 
 def _battery(s: Snapshot) -> list[RenderableType]:
-    """Of a board that has declared a battery."""
+    """The row of a board that has declared a battery."""
     if s["battery_v"] is None:
         return []
     trouble = "".join(f"; {text}" for text in s["battery_trouble"])

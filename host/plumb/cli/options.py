@@ -187,14 +187,14 @@ def add_system_with(parser: Options, part: str, about: str) -> None:
 
 
 def system_with(arguments: argparse.Namespace, part: str) -> str:
-    """The system of --system, or the default for that part; raises UsageError if there is none. Call `tell_default`
+    """The system of --system, or the default for that part; raises UsageError if there is none. Call `print_default`
     once the run has begun."""
     from plumb import systems
 
     return systems.default_for(part) if arguments.system is None else str(arguments.system)
 
 
-def tell_default(arguments: argparse.Namespace, name: str, part: str) -> None:
+def print_default(arguments: argparse.Namespace, name: str, part: str) -> None:
     """Print to stderr which system is the default, if --system is absent, and the alternatives."""
     import sys
 
@@ -297,17 +297,17 @@ def add_hand(parser: Options) -> None:
 
 
 def hand_of(hand: str | None, board: str | None) -> Callable[[str], None] | None:
-    """What puts the body of a served board into a pose, from --hand; None without it."""
+    """Function that puts the body of a served board into a pose, from --hand; None without it."""
     if hand is None:
         return None
     from functools import partial
 
-    from plumb.boards.hand_orders import STDIN, tell
+    from plumb.boards.hand_orders import STDIN, send_order
     from plumb.errors import UsageError
 
     if hand == STDIN or board in ("virtual", "native"):
         raise UsageError("--hand names the file of a board that `plumb virtual-board --hand FILE` serves")
-    return partial(tell, hand)
+    return partial(send_order, hand)
 
 
 def add_json(parser: Options, when: str = "") -> None:

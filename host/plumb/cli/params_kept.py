@@ -1,4 +1,4 @@
-"""What `plumb params` keeps here: changes for `undo`, and profiles. And `diff`, which compares with them."""
+"""Records that `plumb params` keeps here: changes for `undo`, and profiles. And `diff`, which compares with them."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def _count(differences: int) -> str:
 
 
 def _side(name: str, kept: KeptParameters, board: dict[str, int]) -> tuple[str, dict[str, int]]:
-    """What a side of a comparison is called, and its whole table; raises UsageError."""
+    """Name of a side of a comparison, and its whole table; raises UsageError."""
     if name == "board":
         return "the board", board
     if name == "defaults":

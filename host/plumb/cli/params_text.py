@@ -1,4 +1,4 @@
-"""What `plumb params` prints: quantities in units, or with --raw the integers of the table."""
+"""Texts of `plumb params`: quantities in units, or with --raw the integers of the table."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def change_lines(before: Mapping[str, int], after: Mapping[str, int]) -> list[st
 
 
 _DECLARED = ("name", "owner", "type", "unit", "format", "min", "max", "default", "doc")
-"""What `params list --raw --json` prints of the declaration."""
+"""Entries of the declaration in `params list --raw --json`."""
 
 
 @dataclass(frozen=True)

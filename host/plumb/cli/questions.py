@@ -40,14 +40,14 @@ class Terminal:
             said = self._ask(f"{text} ({', '.join(choices)}) [{default}] ") or default
             if free or said in choices:
                 return said
-            self._tell(f"  '{said}' is none of these")
+            self._print(f"  '{said}' is none of these")
 
     def agree(self, key: str, text: str, default: bool) -> bool:
         while True:
             said = self._ask(f"{text} [{'Y/n' if default else 'y/N'}] ").lower()
             if said in ("", "y", "yes", "n", "no"):
                 return default if not said else said[0] == "y"
-            self._tell("  y or n")
+            self._print("  y or n")
 
     def wait(self, text: str) -> None:
         self._ask(f"{text}; then press Enter ")
@@ -56,17 +56,17 @@ class Terminal:
         self._ask(f"press Enter, then {text} ")
 
     def refused(self, reason: str) -> None:
-        self._tell(f"  not taken: {reason}")
+        self._print(f"  not taken: {reason}")
 
     def _ask(self, text: str) -> str:
-        self._tell(text, end="")
+        self._print(text, end="")
         try:
             return input().strip()
         except EOFError:
             raise KeyboardInterrupt from None
 
     @staticmethod
-    def _tell(text: str, end: str = "\n") -> None:
+    def _print(text: str, end: str = "\n") -> None:
         print(text, end=end, file=sys.stderr, flush=True)
 
 

@@ -166,7 +166,7 @@ def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str
 
 
 def plant_of(arguments: argparse.Namespace, session: Session) -> dict[str, object]:
-    """What moved the sensors of a simulated board."""
+    """The motion of the sensors of a simulated board."""
     from plumb import systems
     from plumb.systems.contracts import PINS
 
@@ -222,9 +222,9 @@ def of_log(path: Path, exports: list[Path]) -> dict[str, object]:
 
 def listen(session: Session, seconds: float | None, caught: list[int]) -> None:
     """Receive until `seconds` of the board's time have passed; raises LinkError when the board falls silent."""
-    from plumb.link.monitor import require_heard
+    from plumb.link.monitor import require_frames
 
     begin_s = session.clock()
     while not caught and (seconds is None or session.clock() - begin_s < seconds):
         session.receive(0.05)
-        require_heard(session)
+        require_frames(session)

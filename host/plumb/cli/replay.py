@@ -99,7 +99,7 @@ def of_units(arguments: argparse.Namespace) -> int:
         arguments.file, arguments.axis or "x", arguments.period_us, arguments.seconds, arguments.decimate or 1
     )
     prepared = replay.prepare(system, request)
-    options.tell_default(arguments, system, PART)
+    options.print_default(arguments, system, PART)
     for sentence in prepared.warnings:
         print(f"plumb: warning: {sentence}", file=sys.stderr)
     with options.board_of(arguments) as board:

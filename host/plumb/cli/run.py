@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """What is wrong whatever the board. Raises UsageError."""
+    """Checks that do not depend on the board. Raises UsageError."""
     from plumb.proof import scenario_run
 
     scenario_run.check(_request(arguments))

@@ -54,29 +54,29 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import ExitCode
 
     asked = questions(arguments.answers)
-    tell("1. the board")
+    progress("1. the board")
     board = arguments.board or choose_board(asked)
     options.check_of_virtual(arguments, board)
     hand = options.hand_of(arguments.hand, board)
     if board not in SIMULATED:
-        tell("2. the image")
+        progress("2. the image")
         flash(board, arguments, asked)
-    tell("3. the system")
+    progress("3. the system")
     opened, put = open_board(board, arguments, asked)
     put = put or hand
     with opened:
         session = opened.session
-        tell("4. the sensors")
+        progress("4. the sensors")
         look_at_sensors(session)
         calibrated = asked.agree("calibrate", "5. calibrate the sensors now?", True)
         if calibrated:
             calibrate(session, asked, put)
-        tell("6. the first look")
+        progress("6. the first look")
         level(asked, put, session)
         snapshot, troubles = rest_check.examine(session)
         shown = summary(snapshot)
     for text in troubles:
-        tell(f"   not well: {text}")
+        progress(f"   not well: {text}")
     if not troubles and board not in SIMULATED:
         remember(board, asked)
     if arguments.json:
@@ -86,7 +86,7 @@ def main(arguments: argparse.Namespace) -> int:
     return ExitCode.GOOD if not troubles else ExitCode.BAD_VERDICT
 
 
-def tell(text: str) -> None:
+def progress(text: str) -> None:
     """Progress, on stderr: stdout has the result."""
     print(text, file=sys.stderr, flush=True)
 
@@ -97,7 +97,7 @@ def choose_board(asked: Questions) -> str:
 
     found = candidates()
     for one in found:
-        tell(f"   {one.name}  {one.about}")
+        progress(f"   {one.name}  {one.about}")
     names = [one.name for one in found]
     default = names[0] if names else "virtual"
     return asked.choose("board", "   which board?", [*names, "virtual", "another name ..."], default)
@@ -112,7 +112,7 @@ def flash(board: str, arguments: argparse.Namespace, asked: Questions) -> None:
 
     name = parse_board(board)
     state, well = answer_of(board, arguments.system)
-    tell(f"   {state}")
+    progress(f"   {state}")
     if not isinstance(name, SerialName) or "://" in name.port:
         return
     if not asked.agree("flash", f"   write {find_image(arguments.image)} to it?", not well):
@@ -123,7 +123,8 @@ def flash(board: str, arguments: argparse.Namespace, asked: Questions) -> None:
 
 
 def answer_of(board: str, system: str | None = None) -> tuple[str, bool]:
-    """What answers there, in a sentence, and whether it matches this plumb and has the system, if one is named."""
+    """The board that answers there, in a sentence, and whether it matches this plumb and has the system, if one is
+    named."""
     from plumb.link.discovery import Candidate, ask
 
     answer = ask(Candidate(board, ""))
@@ -216,7 +217,7 @@ def look_at_sensors(session: Session) -> None:
     session.end()
     if lost:
         raise LinkError(f"{'; '.join(lost)}: wire it as in docs/wiring, then begin again")
-    tell("   gyro and accelerometer answer")
+    progress("   gyro and accelerometer answer")
 
 
 def calibrate(session: Session, asked: Questions, put: Callable[[str], None] | None) -> None:

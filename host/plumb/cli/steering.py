@@ -1,4 +1,4 @@
-"""What `plumb fly` and `plumb ride` share: a simulated vehicle steered in the browser."""
+"""Common part of `plumb fly` and `plumb ride`: a simulated vehicle steered in the browser."""
 
 from __future__ import annotations
 
@@ -71,12 +71,12 @@ def _serve(arguments: argparse.Namespace, command: str, trip: TripLoop) -> None:
         announce(arguments, command, server.control_address, server.watch_address)
         trip.run(stopping(arguments, server, caught))
         trip.close()
-        _tell(arguments, trip)
+        _print_summary(arguments, trip)
     if caught:
         raise_ending(caught)
 
 
-def _tell(arguments: argparse.Namespace, trip: TripLoop) -> None:
+def _print_summary(arguments: argparse.Namespace, trip: TripLoop) -> None:
     """How many trips there were, how fast, and where they are recorded."""
     import json
 

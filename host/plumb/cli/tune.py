@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from plumb.proof.xy_plot import XyPlot
 
 FILES = ("report.html", "tune.json")
-"""What --out writes."""
+"""Files that --out writes."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -191,10 +191,10 @@ def tune_noise(arguments: argparse.Namespace) -> bool:
     for sentence in (sentence for one in found for sentence in one.warnings()):
         print(f"plumb: warning: {sentence}", file=sys.stderr)
     settings = noise.filter_noise(found, system, arguments.tuning, period_us, arguments.axis)
-    told = noise_page.to_json(used, found, settings)
+    document = noise_page.to_json(used, found, settings)
     tables = [*noise_page.noise_tables(found), *noise_page.settings_tables(settings)]
     plots = noise_page.plots(used, found) if arguments.out else []
-    give(arguments, "Noise of the sensors", noise_page.heading(used), tables, plots, told)
+    give(arguments, "Noise of the sensors", noise_page.heading(used), tables, plots, document)
     return not settings.refusal
 
 
@@ -218,8 +218,8 @@ def tune_filter(arguments: argparse.Namespace) -> bool:
     steps, period_ms = len(inputs.measured.z_deg), 1e3 * inputs.measured.period_s
     lead = f"{inputs.title}: {steps} steps of {period_ms:.4g} ms; {inputs.tuning.system}, tuning {inputs.tuning_name}."
     plots = filter_page.plots(inputs, fit) if arguments.out else []
-    tables, told = filter_page.tables(inputs, fit), filter_page.to_json(inputs, fit)
-    give(arguments, "Filter, tuned by its innovations", lead, tables, plots, told)
+    tables, document = filter_page.tables(inputs, fit), filter_page.to_json(inputs, fit)
+    give(arguments, "Filter, tuned by its innovations", lead, tables, plots, document)
     return filter_page.useful(inputs, fit)
 
 
@@ -277,15 +277,15 @@ def tune_flown(arguments: argparse.Namespace, wanted: Wanted) -> bool:
         print(f"plumb: warning: {sentence}", file=sys.stderr)
     period_ms, used = 1e-3 * tuning.tuning.period_us, f"{len(run.windows)} windows of {flown_loop.WINDOW_S:g} s"
     lead = f"{tuning.tuning.system} in {arguments.recording.name}, steps of {period_ms:g} ms; {used}."
-    plots, told = pid_page.plots(tuning, None) if arguments.out else [], pid_page.to_json(tuning, None)
-    give(arguments, "Loop, flown and tuned", lead, pid_page.tables(tuning, None), plots, told)
+    plots, document = pid_page.plots(tuning, None) if arguments.out else [], pid_page.to_json(tuning, None)
+    give(arguments, "Loop, flown and tuned", lead, pid_page.tables(tuning, None), plots, document)
     return not tuning.refusal()
 
 
 def tune_flown_vehicle(arguments: argparse.Namespace) -> bool:
     """True; raises UsageError for a flight that determines too little."""
-    settings, lead, tables, told = tune_vehicle.found(arguments)
-    give(arguments, "Vehicle, from a flight", lead, tables, [], told)
+    settings, lead, tables, document = tune_vehicle.found(arguments)
+    give(arguments, "Vehicle, from a flight", lead, tables, [], document)
     if arguments.write:
         tune_vehicle.write(arguments, settings)
     return True
@@ -378,14 +378,14 @@ def give(
     lead: str,
     tables: Sequence[Table],
     plots: Sequence[XyPlot | Plot],
-    told: dict[str, object],
+    document: dict[str, object],
 ) -> None:
     """Print the tables or the JSON; with --out write report.html and tune.json."""
     from plumb.proof import report, table_text
 
     if arguments.out:
         html = report.page(title, "", lead, [*plots, *tables])
-        report.write_whole(arguments.out, dict(zip(FILES, (html, json.dumps(told, indent=1) + "\n"), strict=True)))
-    print(json.dumps(told) if arguments.json else f"{lead}\n\n{table_text.text(tables)}")
+        report.write_whole(arguments.out, dict(zip(FILES, (html, json.dumps(document, indent=1) + "\n"), strict=True)))
+    print(json.dumps(document) if arguments.json else f"{lead}\n\n{table_text.text(tables)}")
     if arguments.out and not arguments.json:
         print(f"\nreport: {arguments.out / FILES[0]}")

@@ -35,8 +35,8 @@ def found(arguments: argparse.Namespace) -> tuple[dict[str, float], str, list[Ta
     fit = vehicle_fit.fit(part.vehicle(known.params, known.raw, known.setpoint))
     settings = part.settings(fit)
     lead = vehicle_page.lead(arguments.recording.name, system, fit)
-    tables, told = vehicle_page.tables(fit, settings), vehicle_page.to_json(system, fit, settings)
-    return settings, lead, tables, told
+    tables, document = vehicle_page.tables(fit, settings), vehicle_page.to_json(system, fit, settings)
+    return settings, lead, tables, document
 
 
 def write(arguments: argparse.Namespace, settings: Mapping[str, float]) -> None:

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
     from plumb.f103.waveforms import VcdTrace
 
-    Hear = Callable[[bytes], object]
+    Receive = Callable[[bytes], object]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -119,7 +119,7 @@ def main(arguments: argparse.Namespace) -> int:
         parse_endpoint(arguments.receiver)
     traces: list[VcdTrace] = []
     plant, orders = _plant(arguments)
-    board, join, kept, hear = (
+    board, join, kept, receive = (
         _native(arguments, plant) if arguments.port == "native" else _f103(arguments, plant, traces)
     )
 
@@ -144,7 +144,7 @@ def main(arguments: argparse.Namespace) -> int:
             say=say,
             trace=trace,
             orders=orders,
-            radio=Radio(arguments.receiver, hear) if arguments.receiver else None,
+            radio=Radio(arguments.receiver, receive) if arguments.receiver else None,
             announce_radio=lambda address: print(f"its radio receiver listens at {address}", flush=True),
         )
     if caught[:1] == [signal.SIGINT]:
@@ -189,7 +189,7 @@ def _strap(arguments: argparse.Namespace) -> str:
 
 def _f103(
     arguments: argparse.Namespace, plant: Plant | None, traces: list[VcdTrace]
-) -> tuple[Served, Join, KeptSlots | None, Hear]:
+) -> tuple[Served, Join, KeptSlots | None, Receive]:
     """The simulated chip with the flash image; the recording of --vcd, which begins with power-up, is put on traces."""
     from plumb.boards import plant_on_pins
     from plumb.boards.flash_file import MachineSlots, read_slots
@@ -219,11 +219,11 @@ def _f103(
     if arguments.system and not slots:
         plant_on_pins.boot_configured_as(machine, arguments.system, strap, calibrated=not arguments.hand)
     kept = MachineSlots(machine, arguments.keep) if arguments.keep else None
-    hear = on_pin(machine).receive if arguments.ppm else machine.usart3.receive
-    return machine, functools.partial(Joint, machine), kept, hear
+    receive = on_pin(machine).receive if arguments.ppm else machine.usart3.receive
+    return machine, functools.partial(Joint, machine), kept, receive
 
 
-def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served, Join, KeptSlots | None, Hear]:
+def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served, Join, KeptSlots | None, Receive]:
     """The main loop on a board in memory."""
     from plumb.boards.flash_file import read_slots
     from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
@@ -244,5 +244,5 @@ def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served,
             Battery() if arguments.battery is None else Battery(arguments.battery)
         ).counts()
     kept = NativeSlots(board.mcu, arguments.keep) if arguments.keep else None
-    hear = on_native(board.mcu).receive if arguments.ppm else board.mcu.receiver_send
-    return board, functools.partial(NativeJoint, board.mcu), kept, hear
+    receive = on_native(board.mcu).receive if arguments.ppm else board.mcu.receiver_send
+    return board, functools.partial(NativeJoint, board.mcu), kept, receive

@@ -25,7 +25,7 @@ AGAIN_S = 0.05
 SEEN_S = 1.0
 """A board that took ARM says so in its steps within this time of listening."""
 WAITED_FOR = BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE
-"""What passes by itself when the board is at rest: arming waits for it."""
+"""Reasons that pass by themselves when the board is at rest: arming waits for that."""
 
 
 class Arming:

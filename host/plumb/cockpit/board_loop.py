@@ -113,7 +113,7 @@ class BoardLoop(BoardRun):
         self._session.receive(TURN_S)
         self._follow()
         now_s = self._session.clock()
-        monitor.require_heard(self._session)
+        monitor.require_frames(self._session)
         if now_s - self._stated_s >= STATE_EVERY_S or not self.state:
             self._stated_s = now_s
             self.state = self._describe()
@@ -320,4 +320,4 @@ HEALTH = (
     "battery_v", "battery_a", "battery_trouble", "choices", "flags_set",
     "can_off_bus", "can_transmit_errors", "can_receive_errors", "can_bus_offs", "attitude",
 )  # fmt: skip
-"""What a page shows of a snapshot of plumb.link.monitor."""
+"""Entries of a snapshot of plumb.link.monitor that a page shows."""

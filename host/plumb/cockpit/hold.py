@@ -1,4 +1,5 @@
-"""Who may write to the board: the page that holds it, for as long as that page is alive and sees the present.
+"""Permission to write to the board: the page that holds it has it, for as long as that page is alive and sees the
+present.
 
 The server gives every message to a page a tick. The holder sends a heartbeat every 100 ms with the newest tick that it
 has drawn, and counts as alive from the time at which the server made that tick. So a page that was closed, that hangs,

@@ -1,4 +1,4 @@
-"""What a page asks for: JSON from a browser, checked into an Order. Raises UsageError for anything else."""
+"""Orders of a page: JSON from a browser, checked into an Order. Raises UsageError for anything else."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Order:
     value: float = 0.0
     seconds: float = 0.0
     choice: str = ""
-    """Of `set`: the new value of a parameter that is a choice."""
+    """For `set`: the new value of a parameter that is a choice."""
 
 
 def parse(text: str, page: int) -> Order:

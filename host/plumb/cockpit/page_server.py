@@ -66,7 +66,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Served(Protocol):
-    """What a page shows, and gives orders to: the loop of a board or of a trip."""
+    """The loop of a board or of a trip, which a page shows and gives orders to."""
 
     @property
     def hold(self) -> Hold: ...
@@ -250,7 +250,7 @@ class Page:
         try:
             async for message in self._socket:
                 if message.type is WSMsgType.TEXT:
-                    self._hear(message.data)
+                    self._handle_message(message.data)
         finally:
             self._board.hold.release(self._number)
             sender.cancel()
@@ -301,7 +301,7 @@ class Page:
 
     # ---- from the page ----
 
-    def _hear(self, text: str) -> None:
+    def _handle_message(self, text: str) -> None:
         try:
             order = page_orders.parse(text, self._number)
         except UsageError as error:

@@ -59,8 +59,8 @@ def live_names(values: Mapping[str, int]) -> set[str]:
 def described(
     values: Mapping[str, int], name: str, armed: bool, at_arming: Sequence[int] | None = None
 ) -> dict[str, object]:
-    """What a page shows of one. armed: with the limits of an armed board, or the reason why it is locked. at_arming:
-    the table with which it was armed, None for that in use."""
+    """Entry of a parameter for a page. armed: with the limits of an armed board, or the reason why it is locked.
+    at_arming: the table with which it was armed, None for that in use."""
     said = description(name, values)
     rows = [row for row in table() if row.name in said.words]
     limits, locked = [said.min, said.max], ""

@@ -1,4 +1,4 @@
-"""What every step under proof has, whatever it controls or estimates.
+"""Contract of every step under proof, whatever it controls or estimates.
 
 parameters.py     its parameters as integers, changes of them during a run, and the tuning that they are made of
 step.py           the step in integers and in float64 (Protocols)

@@ -19,15 +19,15 @@ from plumb.spec.tuning import AnyTuning
 
 
 @dataclass(frozen=True)
-class Beside:
-    """What belongs to a set of words and is not in them. scales: what units that the set chose stand for, by name, to
-    convert words back; link: parameters of the link's part that a host sends with the words."""
+class Context:
+    """Data that belong to a set of words and are not in them. scales: values of the units that the set chose, by name,
+    to convert words back; link: parameters of the link's part that a host sends with the words."""
 
     scales: Mapping[str, float] = field(default_factory=dict)
     link: Mapping[str, int] = field(default_factory=dict)
 
 
-NOTHING = Beside()
+NOTHING = Context()
 
 
 @dataclass(frozen=True)
@@ -36,18 +36,18 @@ class ControlParams:
     defaults."""
 
     values: dict[str, int]
-    beside: Beside = field(default=NOTHING, compare=False)
+    context: Context = field(default=NOTHING, compare=False)
 
     @classmethod
-    def from_words(cls, words: Sequence[int], beside: Beside = NOTHING) -> ControlParams:
+    def from_words(cls, words: Sequence[int], context: Context = NOTHING) -> ControlParams:
         """From the words of the control part, signed or unsigned. Raises UsageError if their number is wrong or one is
         out of range."""
         whole = parameters.whole_table([int(word) & 0xFFFFFFFF for word in words])
         rows = [row for row in parameters.table() if row.owner == "control"]
-        return cls({row.name: row.from_word(word) for row, word in zip(rows, whole, strict=False)}, beside)
+        return cls({row.name: row.from_word(word) for row, word in zip(rows, whole, strict=False)}, context)
 
     @classmethod
-    def of(cls, system: str, own: Mapping[str, int], beside: Beside = NOTHING) -> ControlParams:
+    def of(cls, system: str, own: Mapping[str, int], context: Context = NOTHING) -> ControlParams:
         """From the words of the groups that the system reads. Raises UsageError if one is missing, unknown or out of
         range."""
         rows = [row for row in parameters.table() if row.owner == "control"]
@@ -59,7 +59,7 @@ class ControlParams:
         values = {row.name: own.get(row.name, row.default) for row in rows}
         for row in rows:
             parameters.check_range(row, values[row.name])
-        return cls({**values, "system": declarations.system(system).number}, beside)
+        return cls({**values, "system": declarations.system(system).number}, context)
 
     @property
     def system(self) -> str:
@@ -88,7 +88,7 @@ class ControlParams:
 
     def link_words(self) -> dict[str, int]:
         """The parameters of the link's part that belong to these words, as keywords for Session.upload."""
-        return {parameters.UNIT: 0, **self.beside.link}
+        return {parameters.UNIT: 0, **self.context.link}
 
     @property
     def period_s(self) -> float:

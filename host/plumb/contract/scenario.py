@@ -1,4 +1,4 @@
-"""What the runs of any system under proof offer: scenarios, tunings and the plant, as Protocols.
+"""Contract of the runs of any system under proof: scenarios, tunings and the plant, as Protocols.
 
 `plumb.systems.load` checks a module against its contract. Scenarios, plants and tunings only fit the system that they
 come from; the types do not express this, so a caller must not mix two systems.
@@ -63,7 +63,7 @@ class FittedScenario(Protocol):
 
 @runtime_checkable
 class WiredScenario(Protocol):
-    """A scenario of certain sensors, which the board has to be told."""
+    """A scenario of certain sensors, which have to be set on the board."""
 
     @property
     def link(self) -> Mapping[str, int]:
@@ -186,7 +186,7 @@ class PushedSystem(Protocol):
 
 @runtime_checkable
 class LinkedSensors(Protocol):
-    """A system with tunings for sensors that the board has to be told of."""
+    """A system with tunings for sensors that have to be set on the board."""
 
     @property
     def SENSOR_LINKS(self) -> Mapping[str, Mapping[str, int]]:
@@ -194,7 +194,7 @@ class LinkedSensors(Protocol):
 
 
 def absent(name: str) -> dict[str, object]:
-    """What scenarios.py of a system may leave out: link parameters, start-up modes, conditions and faults, if there are
+    """Optional parts of scenarios.py of a system: link parameters, start-up modes, conditions and faults, if there are
     none, and the outputs, which system.toml declares."""
 
     def faults(requests: Sequence[Request]) -> Sequence[object]:
@@ -235,7 +235,7 @@ def calibrated_words(name: str) -> dict[str, int]:
 
 
 def tuning_for(system: System, scenario: str) -> str:
-    """The tuning that a scenario runs with unless told otherwise."""
+    """The default tuning of a scenario."""
     if _has_tuned_scenarios(cast(Hashable, system)):
         return cast(TunedScenarios, system).TUNING_FOR.get(scenario, system.DEFAULT_TUNING)
     return system.DEFAULT_TUNING

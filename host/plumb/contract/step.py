@@ -1,4 +1,4 @@
-"""What the step of any system under proof offers, in integers and in float64, as Protocols."""
+"""Contract of the step of any system under proof, in integers and in float64, as Protocols."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ MODULE = "plumb.files.reader_process"
 
 @dataclass(frozen=True)
 class Limits:
-    """What reading a file may cost: a fixed part, and a part for each MiB (cpu_s) or byte (the others) of the file.
+    """Limits for reading a file: a fixed part, and a part for each MiB (cpu_s) or byte (the others) of the file.
 
     cpu_s: processor time, after the libraries are loaded. memory_bytes: beyond what the libraries hold. output_bytes:
     of all pieces together. written_bytes: of each temporary file.

@@ -12,21 +12,21 @@ APP = "plumb"
 
 
 def config_folder() -> Path:
-    """What the user has chosen."""
+    """Folder of the user's settings."""
     from platformdirs import user_config_path
 
     return user_config_path(APP, appauthor=False)
 
 
 def state_folder() -> Path:
-    """What plumb remembers from one session to the next."""
+    """Folder of data that plumb keeps from one session to the next."""
     from platformdirs import user_state_path
 
     return user_state_path(APP, appauthor=False)
 
 
 def runtime_folder() -> Path:
-    """What is true while processes run: who serves a board, and where."""
+    """Folder of data about running processes: which serves a board, and where."""
     import warnings
 
     from platformdirs import user_runtime_path

@@ -35,7 +35,7 @@ _STATM = Path("/proc/self/statm")
 
 def main() -> None:
     reader, path, cpu_s, memory_bytes, written_bytes = sys.argv[1:]
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it and ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent gets it and ends this process
     out = os.dup(1)
     os.dup2(2, 1)  # a library that prints does not write into the pieces
     module, _, function = reader.partition(":")

@@ -31,7 +31,7 @@ def saved_bytes(graph: CallGraph, system: str) -> int:
 
 
 def advice(graph: CallGraph) -> str:
-    """What to leave out of an image that is over its limits, as the end of a sentence."""
+    """Systems to leave out of an image that is over its limits, as the end of a sentence."""
     saved = sorted(((saved_bytes(graph, name), name) for name in systems_in(graph)), reverse=True)
     each = [f"{name} ({size} bytes of code)" for size, name in saved if size]
     if len(each) < 2:

@@ -12,7 +12,7 @@ from plumb.spec import images
 
 
 def build_of(name: str) -> Path:
-    """Where a checkout builds the image of that name, below its root."""
+    """Path at which a checkout builds the image of that name, below its root."""
     folder = Path("stm32f103") if name == images.ALL else Path("images") / name
     return "build" / folder / "firmware.bin"
 

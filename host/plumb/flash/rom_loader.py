@@ -190,8 +190,8 @@ class RomLoader:
 
     def identify(self) -> Part:
         """Identify the chip. Raises UsageError when it is not supported."""
-        version = self._persist("tell its version", self._boot.get)
-        device_id = self._persist("tell what it is", self._boot.get_id)
+        version = self._persist("report its version", self._boot.get)
+        device_id = self._persist("identify itself", self._boot.get_id)
         if device_id > MOST_DEVICE_ID:
             raise LinkError("no bootloader answers, only an echo: check the wires, and that the port is the board's")
         part_of(device_id, None, version)

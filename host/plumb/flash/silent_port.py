@@ -77,27 +77,27 @@ def _in_bootloader(port: str, part: Part) -> Iterator[Finding]:
 def diagnose(name: SerialName) -> Iterator[Finding]:
     """The reasons why no board answers on this port, the most likely first.
 
-    The bootloader is asked first: it takes the baud rate from the first bytes that it hears.
+    The bootloader is asked first: it takes the baud rate from the first bytes that it receives.
     """
     try:
         part = None if "://" in name.port else bootloader_at(name.port)
         if part is not None:
             yield from _in_bootloader(name.port, part)
             return
-        heard = {baud: answers_at(name.port, baud) for baud in dict.fromkeys((name.baud, *BAUDS))}
+        replies = {baud: answers_at(name.port, baud) for baud in dict.fromkeys((name.baud, *BAUDS))}
     except OpenError as error:
         yield Finding(name.port, False, True, str(error))
         return
     except PlumbError as error:
         yield Finding(name.port, False, True, str(error), "unplug the adapter, and plug it in again")
         return
-    right = [baud for baud, data in heard.items() if b"V" in data and b"\r" in data]
+    right = [baud for baud, data in replies.items() if b"V" in data and b"\r" in data]
     if right and right[0] != name.baud:
         at = "" if right[0] == DEFAULT_BAUD else f"@{right[0]}"
         detail = f"a board answers at {right[0]} baud, not at {name.baud}"
         yield Finding("baud", False, True, detail, f"--board serial:{name.port}{at}")
         return
-    if any(heard.values()):
+    if any(replies.values()):
         detail = "bytes come, but no answer of a board: another device, or another program on the chip"
         yield Finding(name.port, False, True, detail, f"plumb flash --port {name.port}")
         return

@@ -1,4 +1,4 @@
-"""What judges, shows and feeds a system: one folder a system, loaded by name, that nothing below imports.
+"""Judging, showing and feeding a system: one folder a system, loaded by name, that nothing below imports.
 
 The step of a system X, its plant and its scenarios are in systems/X. The contract of a module here is a Protocol, given
 below in parentheses; `plumb.systems.load` checks the module against it.

@@ -95,7 +95,7 @@ def _nearest(before: Mapping[str, int], name: str, old: float, factor: float, ke
         whole = floor(units) if inwards < 0.0 else ceil(units)
     value = float(f"{whole * unit:.4g}")
     keep_alive()
-    with suppress(UsageError):  # twice may be more than the integer holds, which the next try is told
+    with suppress(UsageError):  # twice may be more than the integer holds: then the next try raises
         if parameters.refused_while_armed(before, quantities.changed(before, {name: value})):
             return float(f"{(whole + inwards) * unit:.4g}")
     return value

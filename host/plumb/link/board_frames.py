@@ -51,10 +51,10 @@ class BoardFrames:
 
     telemetry: the last of each KEPT message, as raw integers by name. run_tag: tag (1 to 15) of the run that this
     session began last; its setpoints carry it. listener: called with all received frames, including those that arrive
-    while a request waits for its reply. listening: how long this session has listened, and heard nothing; every
-    time-out is measured by it. consent: asked before keep-alive values are answered; while it returns False
-    the board is left to disarm itself. holding: whether the board is armed for this session. askers: the random numbers
-    by which this session knows answers to its own commands.
+    while a request waits for its reply. listening: how long this session has listened, and received nothing; every
+    time-out is measured by it. consent: asked before keep-alive values are answered; while it returns False the board
+    is left to disarm itself. holding: whether the board is armed for this session. askers: the random numbers by which
+    this session knows answers to its own commands.
     """
 
     bus: can.BusABC

@@ -54,7 +54,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of asking a candidate: the board's identity, or why there is none."""
+    """Result of a request to a candidate: the board's identity, or why there is none."""
 
     candidate: Candidate
     identity: Identity | None = None
@@ -81,7 +81,7 @@ def serial_ports() -> list[SerialPort]:
 
 
 def candidates() -> list[Candidate]:
-    """Where `--board auto` looks: served boards, serial ports with an adapter that plumb knows, the setting `can`."""
+    """Candidates of `--board auto`: served boards, serial ports with an adapter that plumb knows, the setting `can`."""
     found = [Candidate(board.names[0], served_text(board.system), True) for board in served_boards()]
     for port in serial_ports():
         if port.adapter is not None and port.may_have_board:

@@ -130,7 +130,7 @@ _BARE = {
     r"(socketcan|slcan|pcan|kvaser|gs_usb|candle|socketcand|virtual):\S+": "can:",
     r"[vs]?l?can\d+(@\d+)?": "can:socketcan:",
 }
-"""What stands alone -> what is missing before it."""
+"""Incomplete name -> the part that is missing before it."""
 LOCAL_BOARDS = {kind: LocalBoard(kind) for kind in ("fixed", "native", "qemu", "virtual")} | {
     f"qemu:{core}": LocalBoard("qemu", core) for core in QEMU_CORES
 }
@@ -214,7 +214,7 @@ def parse_can(address: str) -> CanName:
 
 
 def parse_endpoint(text: str) -> PtyName | TcpName:
-    """Where this process serves a UART: pty or tcp:PORT."""
+    """Endpoint at which this process serves a UART: pty or tcp:PORT."""
     if text == "pty":
         return PtyName()
     kind, _, number = text.partition(":")
@@ -225,7 +225,7 @@ def parse_endpoint(text: str) -> PtyName | TcpName:
 
 
 def parse_can_end(text: str) -> CanEndName:
-    """Where this process serves a CAN bus, or the bus that it joins; raises UsageError."""
+    """Endpoint at which this process serves a CAN bus, or the bus that it joins; raises UsageError."""
     kind, _, where = text.partition(":")
     if kind == "slcan" and (where == "pty" or where.startswith("tcp:")):
         return AdapterName(parse_endpoint(where))

@@ -1,4 +1,4 @@
-"""What an examination found: good or not, and the command that mends it."""
+"""Finding of an examination: good or not, and the command that mends it."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Whether a session holds the board armed, from what the board says: one place that learns of an arming and of its end.
+"""Whether a session holds the board armed, from the board's frames: one place that knows the arming and its end.
 
-Each arming has a number. The ACK of ARM tells it to the host that armed, and repeats bits of the nonce that this host
+Each arming has a number. The ACK of ARM carries it to the host that armed, and repeats bits of the nonce that this host
 sent, so that on a bus no host takes the ACK of another one for its own. Every keep-alive value carries the number; a
-host answers the values of its own arming alone, and is told by any frame of the board that its arming is over.
+host answers the values of its own arming alone, and any frame of the board can show that its arming is over.
 """
 
 from __future__ import annotations

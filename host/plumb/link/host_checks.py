@@ -1,4 +1,5 @@
-"""What on this machine keeps a host from a board: programs that take ports, missing rights, drivers, CAN in the kernel.
+"""Obstacles on this machine between a host and a board: programs that take ports, missing rights, drivers, CAN in the
+kernel.
 
 Services, rights of groups and kernel modules are those of Linux; elsewhere there is nothing to find. Every function
 reads only, and takes the folders that it reads from, so that tests can make a machine up.

@@ -136,7 +136,7 @@ class Identity:
 
     @property
     def parameter_source(self) -> str:
-        """Where the parameters in use come from, in words."""
+        """Source of the parameters in use, in words."""
         source = self["PARAMETER_SOURCE"]
         text = SOURCES.get(source, f"source {source}")
         if source != 1:

@@ -1,10 +1,10 @@
-"""How long a link was listened to, and for how long it has brought nothing.
+"""How long a host listened to a link, and for how long the link has brought nothing.
 
-Silence is what a link does not bring, not what this process does not read: on a busy computer, or behind slow work, a
-second may pass between two reads of a link on which everything waits. So time passes here only while a read waits, and
-of a read at most the wait that was asked for. A board that is simulated on a busy computer is slow, not silent: while
-its frames come, a time-out passes in the board's own time, which TIME tells. Every time-out of a host for what a board
-should send is measured here.
+Silence means that the link brings nothing, not that this process does not read: on a busy computer, or behind slow
+work, a second may pass between two reads of a link on which everything waits. So time passes here only while a read
+waits, and of a read at most the wait that was asked for. A board that is simulated on a busy computer is slow, not
+silent: while its frames come, a time-out passes in the board's own time, which TIME carries. Every time-out of a host
+for frames that a board should send is measured here.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ TIME_EVERY_S = 0.05
 JITTER_S = 0.005
 """Two TIMEs may be this much nearer to each other: the board sends each between two turns of its loop."""
 NEWEST_TIMES = 8
-"""Of so many TIMEs the newest slowness is measured: a board may become slow long after its link was opened."""
+"""Number of TIMEs over which the newest slowness is measured: a board may become slow long after its link was
+opened."""
 
 
 class Listening:
@@ -81,7 +82,7 @@ class Listening:
 
     @property
     def unread_text(self) -> str:
-        """What may have ended an arming, to follow the reason that the board gives; "" when the link was read."""
+        """A possible cause for the end of an arming, to follow the board's reason; "" when the link was read."""
         return f", as this computer left the link unread for {self.unread_s:.2f} s" if self.unread_s > UNREAD_S else ""
 
     def timeout(self, seconds: float) -> Timeout:
@@ -105,7 +106,7 @@ class Timeout:
 
     @property
     def left_s(self) -> float:
-        """What is left of it; of a board that is behind its time, until it says TIME again. 0 when it is over."""
+        """Remaining time; for a board that is behind its time, until it sends TIME again. 0 when it is over."""
         listening = self._listening
         if listening.clock() >= self._latest_s:
             return 0.0

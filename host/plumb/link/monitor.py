@@ -29,7 +29,7 @@ STATUS_EVERY_S = 0.1
 STALE_S = 0.5
 """Age at which a value is dropped; the longest period of a run is 0.1 s."""
 BATTERY_BITS = 1 << 8 | 1 << 9
-"""Of PLAUSIBILITY.missing: the conditions that are told of an armed board, too."""
+"""Bits of PLAUSIBILITY.missing that an armed board reports, too."""
 RATE_OVER_S = 1.0
 """Window over which steps_per_s is measured."""
 SILENCE_S = TRIES * REPLY_TIMEOUT_S
@@ -266,7 +266,7 @@ def _texts(bits: int, names: dict[int, str]) -> list[str]:
     return bits_text(bits, names).split("; ") if bits else []
 
 
-def require_heard(session: Session) -> None:
+def require_frames(session: Session) -> None:
     """Raises LinkError when the link has brought nothing for SILENCE_S of listening, as the board's time passes."""
     if session.listening.silent(SILENCE_S):
         raise LinkError("the board fell silent: check cable and power, then start again")
@@ -325,7 +325,7 @@ def watch(
             due_s = begin_s + (shown + 1) * EVERY_S
             while True:  # once at least: a look that is late shows what has come meanwhile
                 session.receive(max(due_s - session.clock(), EVERY_S / 10))
-                require_heard(session)
+                require_frames(session)
                 if monitor.complete and session.clock() >= due_s:
                     break
             shown += 1

@@ -1,7 +1,8 @@
 """Commands with a nonce, for the host that asked for it alone.
 
-On a bus two hosts may ask at once, and hear each other's NONCE and ACK. So a command by which a host gets hold of the
-board carries the nonce XORed with a random number of that host, and its ACK repeats bits of what the command carried.
+On a bus two hosts may ask at once, and each receives the other's NONCE and ACK. So a command by which a host gets hold
+of the board carries the nonce XORed with a random number of that host, and its ACK repeats bits of what the command
+carried.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ ECHO_MASK = {"RUN_BEGIN": 0xFFF00000, "EXECUTE": 0xFFFF0000}
 
 
 class Commanding(Protocol):
-    """What it needs of a session."""
+    """The part of a session that it needs."""
 
     protocol: protocol.Protocol
     holding: Holding

@@ -28,7 +28,7 @@ from plumb.spec.protocol import Frame
 SAMPLES_AHEAD = 2
 """Samples that wait on the board: more of them would delay a commit that follows them on the wire."""
 STAGED_PER_STEP = 2
-"""Words of the next table that are sent between two steps, beside the samples."""
+"""Words of the next table that are sent between two steps, in addition to the samples."""
 
 
 @dataclass(frozen=True)

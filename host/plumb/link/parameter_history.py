@@ -1,4 +1,4 @@
-"""What `plumb params` changed on a board, kept over sessions so that it can be undone.
+"""Changes of `plumb params` on a board, kept over sessions so that they can be undone.
 
 One file for each board, by its unique id, in the platform's place for state: a line of JSON for each change, the latest
 last.
@@ -62,7 +62,7 @@ def crc_of(table: Mapping[str, int]) -> int:
 
 
 def file_of(unique_id: str) -> Path:
-    """Where the changes of a board are."""
+    """Path of the changes of a board."""
     return places.state_folder() / "parameters" / f"{NOT_FILES.sub('_', unique_id)}.jsonl"
 
 

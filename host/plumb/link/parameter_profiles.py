@@ -20,7 +20,7 @@ ADVICE = "make its folder writable, or move it with XDG_CONFIG_HOME"
 
 
 def folder_of(unique_id: str) -> Path:
-    """Where the profiles of a board are."""
+    """Folder of the profiles of a board."""
     return places.config_folder() / "profiles" / NOT_FILES.sub("_", unique_id)
 
 

@@ -34,8 +34,8 @@ class SetpointReports:
     """The setpoints of a run from its SETPOINT_USED frames.
 
     changes: (step, value) pairs, with the first step that used the value. doubt: the first step whose setpoint is not
-    known, because a report was lost. count: reports received. from_begin: the run was heard from its begin, which has
-    the setpoint 0; otherwise its setpoint is unknown until the first report.
+    known, because a report was lost. count: reports received. from_begin: this host received the run from its begin,
+    which has the setpoint 0; otherwise its setpoint is unknown until the first report.
     """
 
     changes: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0)])
@@ -177,11 +177,11 @@ class Capture:
 
         Raises LinkError when no step comes any more.
         """
-        heard, step = self.steps, self.session.listening.timeout(TRIES * REPLY_TIMEOUT_S)
+        received, step = self.steps, self.session.listening.timeout(TRIES * REPLY_TIMEOUT_S)
         while self.steps <= steps:
             self.session.receive(REPLY_TIMEOUT_S)
-            if self.steps > heard:
-                heard = self.steps
+            if self.steps > received:
+                received = self.steps
                 step.renew()
             elif step.over:
                 raise LinkError(f"the board fell silent after step {self.steps}: check cable and power")

@@ -103,7 +103,7 @@ class SampleText:
 
 @dataclass(frozen=True)
 class Said:
-    """What a host has said last: the setpoint, and the words of the commands."""
+    """Newest inputs from a host: the setpoint, and the words of the commands."""
 
     setpoint: int = 0
     commands: tuple[int, ...] = ()

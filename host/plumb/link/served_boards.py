@@ -1,7 +1,7 @@
 """Which boards other processes serve on this machine: each has an entry in the platform's folder for running programs.
 
-The serving process holds a lock beside its entry. The operating system drops that lock when the process ends, however
-it ends, so that an entry without a lock is stale; the next look removes it.
+The serving process holds a lock file next to its entry. The operating system drops that lock when the process ends,
+however it ends, so that an entry without a lock is stale; the next look removes it.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ READY_WAIT_S = 3.0
 
 
 class Session(BoardFrames):
-    """What a board can be asked for: parameters, runs, arming, setpoints. parameters: their transfer."""
+    """Requests to a board: parameters, runs, arming, setpoints. parameters: their transfer."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,7 +77,7 @@ class Session(BoardFrames):
             self.execute(verb)
 
     def _says_armed(self) -> bool:
-        """What the next STATUS says; raises LinkError when none comes."""
+        """The next STATUS; raises LinkError when none comes."""
         self.telemetry.pop("STATUS", None)
         status = self.listening.timeout(TRIES * REPLY_TIMEOUT_S)
         while "STATUS" not in self.telemetry:
@@ -216,8 +216,8 @@ class Session(BoardFrames):
 
     def set_setpoint(self, setpoint: int) -> None:
         """Set the setpoint of a run in real time, in the unit and format that its system declares. The board reports
-        the first step that uses it in SETPOINT_USED. One is sent for every step that is heard of; of several in between
-        the last one counts.
+        the first step that uses it in SETPOINT_USED. The host sends one setpoint for every step that it receives; of
+        several in between the last one counts.
 
         `receive` and `pump` repeat it while this session keeps the board armed. Raises LinkError when the arming of
         this session has ended by itself: another host may have the board by now.

@@ -16,7 +16,7 @@ class KnownTable(Protocol):
 
 
 class Knows(Protocol):
-    """What is asked of a session."""
+    """The part of a session that is used."""
 
     identity: Identity | None
 

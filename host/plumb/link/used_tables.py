@@ -32,7 +32,7 @@ TABLE_MESSAGES = ("PARAM_SET", "PARAM_STAGED", "PARAM_VALUE", "PARAM_USED", "ACK
 
 
 class TableState(Enum):
-    """What is known of the table in use."""
+    """Knowledge of the table in use."""
 
     UNREAD = auto()
     """No word of it is known, or not all, and no table has followed it since the run began."""
@@ -45,7 +45,7 @@ class TableState(Enum):
 
 
 class TableEvent(Enum):
-    """What changes the state."""
+    """Frames that change the state."""
 
     FOUND = auto()
     """The words that were seen are those of the table in use."""
@@ -90,7 +90,7 @@ class TableChange:
         if not self.announced or self.words is None or len(self.words) != len(parameters.table()):
             return None
         try:
-            params = ControlParams.from_words(parameters.control_part(self.words), before.beside)
+            params = ControlParams.from_words(parameters.control_part(self.words), before.context)
         except UsageError:
             return None
         return params if params.system == before.system else None
@@ -121,7 +121,7 @@ class UsedTables:
 
     @property
     def identifiers(self) -> frozenset[int]:
-        """Of the messages that `feed` wants."""
+        """Identifiers of the messages that `feed` takes."""
         return frozenset(self._names)
 
     def feed(self, identifier: int, data: bytes, next_step: int) -> None:

@@ -31,5 +31,5 @@ class Battery:
         return min(max(self.volts(share) / DIVIDER, 0.0), RAIL_V)
 
     def counts(self, share: float = 0.0) -> int:
-        """Of the input."""
+        """Count of the input."""
         return min(round(self.input_v(share) / RAIL_V * COUNTS), COUNTS - 1)

@@ -3,9 +3,9 @@
 Earth axes: z up. The accelerometer measures thrust, drag, contact and vibration divided by mass, but not gravity. Steps
 are semi-implicit; the attitude turns exactly by the rate of a step.
 
-Assumed besides the numbers of the airframe: ESCs that act after a delay which the caller applies, full thrust that sags
-with the battery (`supply`), and an unbalance of each rotor that shakes the body in the plane of the rotors at the
-rotor's speed, by vibration_g in a hover and with the square of the speed.
+Assumed in addition to the numbers of the airframe: ESCs that act after a delay which the caller applies, full thrust
+that sags with the battery (`supply`), and an unbalance of each rotor that shakes the body in the plane of the rotors at
+the rotor's speed, by vibration_g in a hover and with the square of the speed.
 """
 
 from __future__ import annotations

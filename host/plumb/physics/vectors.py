@@ -19,7 +19,7 @@ def total(terms: FloatArray) -> FloatArray:
 
 
 def length(vectors: FloatArray) -> FloatArray:
-    """Of vectors (n, runs)."""
+    """Lengths of vectors (n, runs)."""
     return np.asarray(np.sqrt(total(vectors * vectors)))
 
 

@@ -24,12 +24,12 @@ from plumb.proof.xy_plot import XyPlot
 from plumb.spec.arrays import FloatArray
 from plumb.spec.system_parts import Part
 
-Sense = Literal["at most", "at least", "near", "about", "beside", "shown"]
+Sense = Literal["at most", "at least", "near", "about", "compared", "shown"]
 """Kind of a target. near: within 5 %, for properties of a scenario; about: within 13 % of the source's rounded number,
 which is two standard deviations of a share of a drift whose mean over 40 seeds has a standard deviation of 6.3 %.
-beside, shown: no target. A row `beside` helps to judge the rows above it and is also in the short table; a row `shown`
-is additional information."""
-UNASKED = ("beside", "shown")
+compared, shown: no target. A row `compared` helps to judge the rows above it and is also in the short table; a row
+`shown` is additional information."""
+UNASKED = ("compared", "shown")
 
 SEEDS = range(1000, 1040)
 FLOAT_SEEDS = 40
@@ -78,7 +78,7 @@ class Figure:
                 return bool(self.reached <= self.reach)
             case "at least":
                 return bool(self.reached >= self.reach)
-            case "beside" | "shown":
+            case "compared" | "shown":
                 return True
             case _:
                 return bool(abs(self.reached - self.reach) <= (ABOUT if self.sense == "about" else NEAR) * self.reach)
@@ -233,8 +233,8 @@ def _block(name: str, rows: Sequence[Figure], colour: bool) -> Iterator[str]:
     lines: list[tuple[str, ...]] = [(name + ": " + header[0], *header[1:])]
     for row in rows:
         between = "" if row.low is None else f"{_cell(row.low)} to {_cell(row.high)}"
-        beside = (_cell(value) for value in (row.worst, row.reference, row.accel_only, row.gyro_only))
-        cells = (_cell(row.reached), between, *beside)
+        others = (_cell(value) for value in (row.worst, row.reference, row.accel_only, row.gyro_only))
+        cells = (_cell(row.reached), between, *others)
         verdict = "" if row.sense in UNASKED else "met" if row.met else "MISSED"
         lines.append((row.claim, row.scenario, row.tuning, row.unit, row.source, _asked(row), *cells, verdict))
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]

@@ -1,6 +1,6 @@
 """The manifest of the golden vectors: which vectors a full check must run, and the SHA-256 of each file.
 
-manifest.json stands beside the recipe; `plumb golden make` writes both vectors and manifest:
+manifest.json lies in the folder of the recipe; `plumb golden make` writes both vectors and manifest:
 
     {"format": "plumb golden manifest 1", "vectors": [{"name", "system", "steps", "on_link", "sha256"}, ...]}
 

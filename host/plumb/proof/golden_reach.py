@@ -2,8 +2,9 @@
 recipe.
 
 Both come from the seed alone. Parameters: those of the tuning, some of them moved to an end of their range, next to it,
-or to any size, as long as the words stay valid together. Counts: pieces of a few steps, at rest, at the rails, beside
-them, in ramps, with spikes, with steps that no sensor has, and with values that the calibration makes 0 or 1.
+or to any size, as long as the words stay valid together. Counts: pieces of a few steps, at rest, at the rails, one
+count from them, in ramps, with spikes, with steps that no sensor has, and with values that the calibration makes 0 or
+1.
 
 The seeds of a recipe are chosen by the branches that their vectors reach and the mutants that they kill.
 """
@@ -64,7 +65,7 @@ def _kept(params: ControlParams, words: dict[str, int]) -> ControlParams:
 
 
 def value_of(row: Parameter, now: int, draw: Draw) -> int:
-    """An end of the range, beside it, beside the present value, or of any size within it."""
+    """An end of the range, its neighbour, a neighbour of the present value, or any value in the range."""
     low, high = row.min, row.max
     kind = draw.below(8)
     if kind < 4:

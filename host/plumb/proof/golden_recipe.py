@@ -211,7 +211,7 @@ class Entry:
         """The parameters with the words that the recipe sets."""
         if not self.words:
             return params
-        return ControlParams.of(params.system, {**params.own(), **self.words}, params.beside)
+        return ControlParams.of(params.system, {**params.own(), **self.words}, params.context)
 
 
 def _within_limits(declared: System, raw: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

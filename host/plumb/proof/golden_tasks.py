@@ -75,7 +75,7 @@ def _tables(params: ControlParams, draw: Draw, count: int) -> tuple[ControlParam
     found: list[ControlParams] = []
     for row in rows:
         for end in type_range(row):
-            found += _beside_limit(params, row, end)
+            found += _around_limit(params, row, end)
     while len(found) < count:
         table = params
         for _ in range(1 + draw.below(2)):
@@ -87,7 +87,7 @@ def _tables(params: ControlParams, draw: Draw, count: int) -> tuple[ControlParam
     return tuple(found[:count])
 
 
-def _beside_limit(params: ControlParams, row: Parameter, end: int) -> Iterator[ControlParams]:
+def _around_limit(params: ControlParams, row: Parameter, end: int) -> Iterator[ControlParams]:
     """The last accepted table on the way to the end, and the first refused one."""
     good, bad = params[row.name], end
     if run_fixed.params_valid(_with(params, {row.name: end})):

@@ -90,7 +90,7 @@ def violations_of(run: Run) -> tuple[Violation, ...]:
 
 
 def statements(system: str, found: Sequence[Violation]) -> list[Statement]:
-    """What the violations of a run say: one statement each, or that every invariant holds."""
+    """Statements about a run: one for each violation, or that every invariant holds."""
     declared = systems.load(system, INVARIANTS).INVARIANTS
     if not found:
         return [Statement("invariants", f"all {len(declared)} hold", True)]

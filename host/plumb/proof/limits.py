@@ -25,7 +25,8 @@ MARGIN = 1.5
 BASIS = "1.5 times the worst of seeds 1000 to 1039"
 ASKED_OF_MEAN = "asked of the mean of 40 seeds, a single run may miss it"
 FLOWN, FLOWN_TABLES = "flown_rmse_deg", "flown"
-"""Of a system that is flown: how far the vehicle is from what its pilot asks for, and the tables of its limits."""
+"""Basis of the limits of a flown system: how far the vehicle is from what its pilot asks for, and the tables of its
+limits."""
 ANY_OTHER = "*"
 
 
@@ -43,7 +44,7 @@ class Limit:
     def kept_by(self, reached: float) -> bool:
         return reached <= self.value if self.sense == "at most" else reached >= self.value
 
-    def beside(self, reached: float, main: Measure | None) -> str:
+    def as_text(self, reached: float, main: Measure | None) -> str:
         """The limit in words, with the figure unless it is the main one of the system, which the text already has."""
         limit = f"{self.sense} {self.value:g} {self.unit}"
         if main is not None and self.metric == main.metric:
@@ -112,7 +113,7 @@ def judged(
         return Accuracy(None, (), f"{reached} — {why_none or 'no limit is declared'}" if known else reached)
     rows = [{**asdict(limit), "reached": value, "kept": limit.kept_by(value)} for limit, value in scored]
     missed = [(limit, value) for limit, value in scored if not limit.kept_by(value)]
-    named = "; ".join(limit.beside(value, main) for limit, value in (missed or scored))
+    named = "; ".join(limit.as_text(value, main) for limit, value in (missed or scored))
     bases = " and ".join(dict.fromkeys(limit.basis for limit, _ in (missed or scored)))
     text = f"{reached} — {'outside' if missed else 'within'} the limit: {named} ({bases}{note and '; '}{note})"
     return Accuracy("fail" if missed else "pass", rows, text)

@@ -72,7 +72,7 @@ def run_live(
     wanted = list(zip(prescribed[1].tolist(), map(tuple, commands.tolist()), strict=True))
     asked = 0, declared.default_commands()
     with tqdm(total=steps, desc="live on the virtual board", unit="step", leave=False, disable=None) as bar:
-        heard, heard_us = 0, board.machine.now_us
+        steps_seen, seen_us = 0, board.machine.now_us
         while capture.steps < steps:
             if not piloted and asked != wanted[capture.steps]:
                 asked = wanted[capture.steps]
@@ -84,10 +84,10 @@ def run_live(
                 raise LinkError(
                     f"the board disarmed itself before step {capture.disarmed_step}: {why_disarmed(session)}"
                 )
-            if capture.steps > heard:
-                bar.update(capture.steps - heard)
-                heard, heard_us = capture.steps, board.machine.now_us
-            elif board.machine.now_us - heard_us > STANDSTILL_US:
+            if capture.steps > steps_seen:
+                bar.update(capture.steps - steps_seen)
+                steps_seen, seen_us = capture.steps, board.machine.now_us
+            elif board.machine.now_us - seen_us > STANDSTILL_US:
                 raise LinkError(f"the board takes no samples after step {capture.steps}: a sensor or the link failed")
     begun_s = sampling_began_s(board.machine)
     session.end()

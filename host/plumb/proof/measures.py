@@ -1,4 +1,4 @@
-"""What a system measures of a run: its figures with their units, and which of them limits hold."""
+"""Measures of a run, declared by its system: its figures with their units, and which of them limits hold."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ TOOLS = (
 
 @cache
 def _asset(name: str) -> str:
-    """A file beside this one, which the wheel ships."""
+    """A file in the folder of this one, which the wheel ships."""
     return (Path(__file__).parent / name).read_text(encoding="utf-8")
 
 
@@ -235,8 +235,8 @@ def page(
 
 
 def write_whole(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write all files, or keep the old ones: each is written beside its place before the first one replaces its old
-    file."""
+    """Write all files, or keep the old ones: each is written under a temporary name in the same folder before the first
+    one replaces its old file."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -48,12 +48,12 @@ def image_of(path: Path, data: bytes | None = None) -> dict[str, object]:
     """Name, SHA-256, size and compiler of a file of code; data: its bytes, where they have been read."""
     data = path.read_bytes() if data is None else data
     found = _COMPILER.search(data)
-    beside = path.with_suffix(".elf")
-    if found is None and path.suffix == ".bin" and beside.is_file():
+    elf = path.with_suffix(".elf")
+    if found is None and path.suffix == ".bin" and elf.is_file():
         from plumb.flash.image import load_image
 
-        if load_image(beside) == data:  # else it is of another build
-            found = _COMPILER.search(beside.read_bytes())
+        if load_image(elf) == data:  # else it is of another build
+            found = _COMPILER.search(elf.read_bytes())
     return {
         "file": path.name,
         "sha256": hashlib.sha256(data).hexdigest(),

@@ -76,7 +76,7 @@ def steps_csv(run: Run) -> str:
 
 
 HEADING = ("system", "scenario", "tuning", "loop", "link", "seed", "faults", "conditions")
-"""Entries of a summary that describe the run, besides its identity."""
+"""Entries of a summary that describe the run, in addition to its identity."""
 
 
 def write_run(
@@ -90,8 +90,8 @@ def write_run(
 ) -> list[Path]:
     """Write report.html, summary.json and steps.csv into `folder`, which is created if needed; their paths.
 
-    command: the command line. statements: besides those of the run. Page and summary.json get the identity of the run
-    beside the entries of `summary`."""
+    command: the command line. statements: in addition to those of the run. Page and summary.json get the identity of
+    the run and the entries of `summary`."""
     view = systems.load(run.system, PLOTS)
     title = f"{summary['system']}, {summary['scenario']} on {summary['board']}"
     lead = (

@@ -74,12 +74,12 @@ class ScenarioRun:
         return invariants.violations_of(self.run) if judged else None
 
     def statements(self) -> list[Statement]:
-        """What the invariants of the system say of this run; []: it is not judged by them."""
+        """Statements of the system's invariants about this run; []: it is not judged by them."""
         found = self.violations()
         return [] if found is None else invariants.statements(self.run.system, found)
 
     def summary(self, **changed: Any) -> dict[str, Any]:
-        """What `run --json` prints; changed: entries of the heading with another value, None: left out."""
+        """The output of `run --json`; changed: entries of the heading with another value, None: left out."""
         heading = {**self.heading, **changed}
         left_out = {name for name, value in changed.items() if value is None}
         said = self.run.summary(**{name: value for name, value in heading.items() if name not in left_out})

@@ -1,4 +1,4 @@
-"""The integer model beside a running board, step by step, on the raw counts that the board streams.
+"""Run the integer model in step with a live board, on the raw counts that the board streams.
 
 When a digest differs and no frame was lost, the board is wrong: the run ends and is repeated in lockstep with every
 word of that step selected, which gives the first word that differs. After a lost frame the verdict is "unverified" from

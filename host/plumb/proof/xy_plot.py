@@ -42,7 +42,7 @@ MINOR_DECADES = 3
 @dataclass(frozen=True)
 class Curve:
     """Values y over x, (points,); NaN is a gap. low, high: ends of the bars of uncertainty; points: dots, no line;
-    dashed: a line of dashes. names: of the points, written beside them; () for none. hints: of the points, shown where
+    dashed: a line of dashes. names: of the points, written next to them; () for none. hints: of the points, shown where
     the reader points at one; () for none."""
 
     label: str

@@ -40,7 +40,7 @@ UTC, SIMULATED = "utc", "simulated"
 """Clocks of a head: microseconds since 1970, or since the start of a simulated board."""
 ADVICE = "give a log of `plumb record`"
 DBC_LIMITS = Limits(cpu_s=(20.0, 0.0), memory_bytes=(512 * MIB, 0))
-"""Of reading the DBC of a log, and the factor for a slow machine is 20: plumb's own takes a second."""
+"""Time limit for reading the DBC of a log, and the factor for a slow machine is 20: plumb's own takes a second."""
 _DBC_READER = f"{__name__}:read_dbc"
 
 Json = Mapping[str, object]
@@ -58,7 +58,7 @@ class ParameterSet:
 
 @dataclass
 class Log:
-    """What a log holds. blocks: reads its frames from the beginning, in pieces of a bounded size; count: how many there
+    """Content of a log. blocks: reads its frames from the beginning, in pieces of a bounded size; count: how many there
     are. damages: places that are not whole blocks; lost_blocks: numbers that are missing between whole blocks. done:
     None when the recording was cut. notes: sentences on how a file of another tool was read."""
 

@@ -34,8 +34,8 @@ from plumb.readers.logged_parameters import (
     ParametersInUse,
     UsedParameters,
     changes_of_run,
-    heard_sets,
     of_another_version,
+    received_sets,
 )
 from plumb.readers.logged_runs import LoggedRun, Steps, runs_in
 from plumb.readers.recorded_digests import Compared, LongReplay, replay_long
@@ -98,8 +98,8 @@ def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRu
     """Every run of a log. given: parameters by name, of a file, instead of the log's. Raises UsageError when the log
     has no run, or no parameters."""
     messages = log.protocol()
-    sets = [ParameterSet(0, dict(given))] if given else [*log.parameter_sets, *heard_sets(log.blocks(), messages)]
-    beside = [] if given else log.parameter_sets
+    sets = [ParameterSet(0, dict(given))] if given else [*log.parameter_sets, *received_sets(log.blocks(), messages)]
+    listed = [] if given else log.parameter_sets
     other = "" if sets else of_another_version(log.blocks(), messages)
     if other:
         raise UsageError(f"{log.path.name} cannot be reproduced: {other}")
@@ -109,13 +109,13 @@ def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRu
     def needed_at(at: int) -> tuple[str, ...]:
         return raw_frames_of(used_at(at).system)
 
-    runs = runs_in(log.blocks, messages, needed_at, [one.at for one in beside])
+    runs = runs_in(log.blocks, messages, needed_at, [one.at for one in listed])
     if not runs:
         raise UsageError(_why_no_run(log, messages))
     found = []
     for number, run in enumerate(runs, 1):
         used = used_at(run.at)
-        changes, unknown = changes_of_run(run, used, beside, messages)
+        changes, unknown = changes_of_run(run, used, listed, messages)
         known = min(run.known_until(), run.steps if unknown is None else max(unknown.step, 0))
         found.append(RecordedRun(log, run, used, number, len(runs), known, changes, unknown))
     return found
@@ -154,14 +154,14 @@ def unknown_truth(system: str, steps: int) -> dict[str, npt.NDArray[np.float64]]
 
 
 DETAIL_STEPS = 1 << 15
-"""Of a longer run, metrics and report are those of so many steps from the first on: a minute at 500 Hz. The digests
+"""Steps, from the first on, that metrics and report of a longer run cover: a minute at 500 Hz. The digests
 of all steps are compared."""
 
 
 @dataclass(frozen=True)
 class Reproduction(ScenarioRun):
-    """A recorded run on a board. recorded: the run; digests: of the recording beside those of the model; changes: of
-    the parameters; long: of a run of more than DETAIL_STEPS, the board beside the model."""
+    """A recorded run on a board. recorded: the run; digests: those of the recording compared with those of the model;
+    changes: of the parameters; long: for a run of more than DETAIL_STEPS, the board compared with the model."""
 
     recorded: RecordedRun
     digests: Compared
@@ -218,7 +218,7 @@ class Reproduction(ScenarioRun):
         return "pass" if self.unverified_from is None else "unverified"
 
     def statement(self) -> Statement:
-        """What the recording says beside board and model."""
+        """How the recording compares with board and model."""
         recorded, from_step = self.recorded, self.unverified_from
         if self.divergence is not None and not self.doubtful:
             text = f"{self.differ} of {self.compared} recorded digests differ from the model; the first at "
@@ -239,7 +239,7 @@ class Reproduction(ScenarioRun):
         return Statement("recorded", f"{same}unverified from step {from_step} on: {why}{self._of_board()}", None)
 
     def _of_board(self) -> str:
-        """Of a long run, what the board gave after the steps of the report."""
+        """Results of the board in a long run after the steps of the report."""
         if self.long is None:
             return ""
         board = self.long.board
@@ -248,7 +248,7 @@ class Reproduction(ScenarioRun):
         return f"; the board equals the model in {board.compared} steps; metrics and report are of {DETAIL_STEPS} steps"
 
     def summary(self, **changed: Any) -> dict[str, Any]:  # Any: as ScenarioRun.summary, which it extends
-        """What `replay --json` prints: that of a run, with the verdict over the recording, too."""
+        """The output of `replay --json`: that of a run, with the verdict over the recording, too."""
         said = super().summary(**changed)
         of_recording: dict[str, object] = {
             "run": self.recorded.number,

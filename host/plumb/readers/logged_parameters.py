@@ -35,9 +35,9 @@ class UsedParameters:
         return self.params.system
 
 
-def heard_sets(blocks: Iterable[Frames], messages: Protocol) -> list[ParameterSet]:
+def received_sets(blocks: Iterable[Frames], messages: Protocol) -> list[ParameterSet]:
     """The tables in a recording's own frames: read with PARAM_GET, or staged and committed. A table is known once all
-    its parameters were heard; the sets after the first hold what changed."""
+    its parameters were received; the sets after the first hold the changes."""
     ids = {messages[name].identifier: name for name in _NEEDED}
     rows = parameters.table()
     used: dict[int, int] = {}
@@ -91,7 +91,7 @@ def changes_of_run(
     run: LoggedRun, used: UsedParameters, blocks: Sequence[ParameterSet], messages: Protocol
 ) -> tuple[Changes, TableChange | None]:
     """The changes of the parameters in the middle of a run up to the first one that is not known, and that one. blocks:
-    the parameters that the log holds beside its frames."""
+    the parameters that the log holds in addition to its frames."""
     rows = parameters.table()
     whole = all(row.name in used.table for row in rows)
     tables = UsedTables(messages, [used.table[row.name] for row in rows] if whole else None)
@@ -159,8 +159,8 @@ def _used_parameters(values: dict[str, int], where: str) -> UsedParameters:
     system = known[values["system"]]
     groups = groups_of(system)
     own = {name: value for name, value in values.items() if group_of(name) in groups}
-    beside = from_turn2_q56(values.get(parameters.UNIT, 0))
+    context = from_turn2_q56(values.get(parameters.UNIT, 0))
     try:
-        return UsedParameters(ControlParams.of(system, own, beside), values)
+        return UsedParameters(ControlParams.of(system, own, context), values)
     except UsageError as error:
         raise UsageError(f"the parameters in {where} do not fit this version of plumb: {error}") from None

@@ -19,8 +19,8 @@ __all__ = ["LoggedRun", "Steps", "TableFrame", "runs_in"]
 
 MOST_RUNS = 10_000
 SPARSE_STEPS, MOST_STEPS_PER_FRAME = 1 << 20, 64
-"""Most steps of a recording: so many, and so many more for each frame. A STEP that jumps ahead tells of steps that did
-not arrive, up to 4096 (LONGEST_GAP): without a limit a few megabytes of them are a run of days."""
+"""Most steps of a recording: so many, and so many more for each frame. A STEP that jumps ahead stands for steps that
+did not arrive, up to 4096 (LONGEST_GAP): without a limit a few megabytes of them are a run of days."""
 
 Blocks = Callable[[], Iterable[Frames]]
 """Reads the frames of a recording from its beginning, block by block."""
@@ -31,11 +31,11 @@ class LoggedRun:
     """One run. The arrays are those of all its steps together, which `parts` gives without holding them all.
 
     at: place of its first frame among all frames of the recording; end: place after its last. first: number of its
-    first step; steps: how many there are. raw_frames: the RAW frames that were heard. raw_missing, digest_missing: how
-    many steps come before the first one without. incomplete: steps without their digest, or, where raw counts were
+    first step; steps: how many there are. raw_frames: the RAW frames that were received. raw_missing, digest_missing:
+    how many steps come before the first one without. incomplete: steps without their digest, or, where raw counts were
     sent, without those. setpoint_doubt: the first step whose setpoint is not known. signals: those that came. begin_us:
     when the first STEP that came was received, and its number. lost: gaps in the counters of the other frames.
-    table_frames: those that tell of parameters (`plumb.link.used_tables`); marks: for places of the recording, the step
+    table_frames: those that carry parameters (`plumb.link.used_tables`); marks: for places of the recording, the step
     after the last STEP before.
     """
 
@@ -169,7 +169,7 @@ def runs_in(
     """All runs of a recording in order. needed_of, marks: as RunReader has them. The recording is read once for this,
     and again when a run's steps are asked for.
 
-    Raises UsageError for more runs, or steps, than its frames can tell of.
+    Raises UsageError for more runs, or steps, than its frames can carry.
     """
     found: list[_Tally] = []
     steps = 0

@@ -54,8 +54,8 @@ class Compared:
 
 @dataclass
 class LongReplay:
-    """A run that is too long to be held in memory: the recording and the board beside the model. board_until: the first
-    step that the board did not run, and why."""
+    """A run that is too long to be held in memory: the recording and the board, each compared with the model.
+    board_until: the first step that the board did not run, and why."""
 
     recorded: Compared = field(default_factory=Compared)
     board: Compared = field(default_factory=Compared)

@@ -1,7 +1,7 @@
 """Read the columns of a recording, .npz or .csv: the formats are at the top of plumb/readers/recording.py.
 
 The readers run in a process of their own with limits (`plumb.files.bounded_reader`): a zip expands to any size, and its
-directory, its headers and its decompressors take memory that its length does not tell.
+directory, its headers and its decompressors take memory that its length does not show.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ ROW_BYTES = 64
 MOST_LINE = 1 << 16
 """Characters of one line of a table."""
 LIMITS = Limits(cpu_s=(10.0, 10.0), memory_bytes=(1024 * MIB, 1), output_bytes=(16 * MIB + MOST_SAMPLES * 13 * 8, 0))
-"""Of reading one recording. A line of a table costs ten conversions of text; 13 columns are the most that are read."""
+"""Limits for reading one recording. A line of a table costs ten conversions of text; 13 columns are the most that are
+read."""
 NPZ_NAMES = ("gyr", "acc", "rate_hz", "time_s", "ref_quat", "movement")
 _ADVICE = "give a recording, .npz or .csv"
 _READER = f"{__name__}:pieces"

@@ -48,7 +48,7 @@ UNITS = Statement(
     "the counts were made from units, for an ideal sensor: no proof of what a board did with the recorded motion",
     None,
 )
-"""What the verdict over a recording in units does not say."""
+"""Limits of the verdict over a recording in units."""
 
 
 class Replayed(Protocol):
@@ -79,7 +79,7 @@ class Replay:
 
     @property
     def statement(self) -> Statement:
-        """What the verdict over this recording does not say."""
+        """Limits of the verdict over this recording."""
         return UNITS
 
     def run(self, board: StepBoard, name: str, link: str | None) -> ScenarioRun:

@@ -1,9 +1,9 @@
 """Find the runs in a recording of frames, block by block: the steps of each run in parts, in bounded memory.
 
-A run begins where the board accepts RUN_BEGIN, or, where that was not heard, at a step number that goes back to 0. The
-steps count from the start of the run, unwrapped from the 16 bits of STEP; the other frames of a step carry the low bits
-of its number and follow its STEP. A step is given out when so many others have followed that none of its frames comes
-any more.
+A run begins where the board accepts RUN_BEGIN, or, where that frame is missing, at a step number that goes back to 0.
+The steps count from the start of the run, unwrapped from the 16 bits of STEP; the other frames of a step carry the low
+bits of its number and follow its STEP. A step is given out when so many others have followed that none of its frames
+comes any more.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Values = tuple[Integers, BoolArray]
 REPEATED = 16
 """In lockstep a STEP may be repeated for the last so many steps: no new run."""
 RESTART_GAP = 64
-"""A STEP of number 0 that far from the one before is a new run, whose RUN_BEGIN was not heard."""
+"""A STEP of number 0 that far from the one before is a new run, whose RUN_BEGIN is missing."""
 LONGEST_GAP = 4096
 """A STEP that far ahead of the one before begins a part of its own, whose beginning is missing."""
 SETTLED = 64
@@ -44,7 +44,7 @@ WINDOW_FRAMES = 1 << 16
 PART_STEPS = 1 << 15
 """Most steps of a part."""
 MOST_TABLE_FRAMES = 1 << 18
-"""Most frames of one run that tell of parameters: its whole table, read a thousand times."""
+"""Most frames of one run that carry parameters: its whole table, read a thousand times."""
 _UNNUMBERED = ("STEP", "SAMPLE_A", "SAMPLE_B", "SETPOINT", *RAW_FRAMES)
 """Messages whose counter is a step number, or that the board does not send."""
 
@@ -93,9 +93,9 @@ PER_STEP = ("raw", "raw_known", "digest", "digest_known", "armed", "time_us", "s
 
 @dataclass
 class RunState:
-    """What is known of a run besides its steps. at: place of its first frame among all frames; end: after its last.
-    needed: the RAW frames that its steps need; raw_frames: those that were heard; lost: gaps in the counters of other
-    frames; marks: for places that were asked for, the step after the last STEP before."""
+    """State of a run in addition to its steps. at: place of its first frame among all frames; end: after its last.
+    needed: the RAW frames that its steps need; raw_frames: those that were received; lost: gaps in the counters of
+    other frames; marks: for places that were asked for, the step after the last STEP before."""
 
     number: int
     at: int
@@ -260,13 +260,13 @@ class RunReader:
         return int(acks[-1]) if len(acks) else None
 
     def _begun_before(self, at: Integers, kept: Frames, start: int, after: int) -> int:
-        """Where the run whose first STEP is at `start` begins: at the ACK of its RUN_BEGIN, if that was heard."""
+        """Begin of the run whose first STEP is at `start`: at the ACK of its RUN_BEGIN, if that was received."""
         acks = self._begin_acks(at, kept)
         acks = acks[(acks > after) & (acks < start)]
         return int(acks[-1]) if len(acks) else start
 
     def _open_end(self, at: Integers, kept: Frames, last_step: int) -> int:
-        """Where the frames of the run at hand end so far: before the next accepted RUN_BEGIN, if there is one."""
+        """End so far of the frames of the run at hand: before the next accepted RUN_BEGIN, if there is one."""
         begin = self._last_begin(at, kept, last_step)
         return self._count if begin is None else begin
 
@@ -316,7 +316,7 @@ class RunReader:
             yield run, part
 
     def _note(self, run: RunState, window: _Window, fresh: _Window) -> None:
-        """What frames that were not looked at before say of the whole run."""
+        """Facts about the whole run from frames that were not read before."""
         used = self._messages["SETPOINT_USED"]
         frames = fresh.of(used.identifier)
         for at, data in zip(frames.at.tolist(), frames.data, strict=True):

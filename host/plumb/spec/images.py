@@ -58,7 +58,7 @@ def _alone(system: System) -> Image:
     return Image(system.name, (system.name,), own, ram_bytes, ways)
 
 
-def beside_all() -> dict[str, Image]:
+def left_out_of_all() -> dict[str, Image]:
     """Name -> own image of each system that `all` leaves out: what runs it where no image is named."""
     found = images()
     return {name: found[name] for name, system in declarations.systems().items() if not system.in_all}
@@ -66,7 +66,7 @@ def beside_all() -> dict[str, Image]:
 
 def running(system: str | None) -> Path | None:
     """What to give `find_image` where no image is named: the own image of a system that `all` leaves out, else None."""
-    return Path(system) if system is not None and system in beside_all() else None
+    return Path(system) if system is not None and system in left_out_of_all() else None
 
 
 def image(name: str) -> Image:

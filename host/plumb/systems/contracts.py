@@ -1,5 +1,5 @@
-"""Contracts of what a system may have besides its step and its runs (`plumb.contract`), as Protocols: its plant on
-pins, poses in which it is held, checks of its sensors.
+"""Contracts of the parts that a system may have in addition to its step and its runs (`plumb.contract`), as Protocols:
+its plant on pins, poses in which it is held, checks of its sensors.
 
 `plumb.systems.load` checks a module against its contract.
 """

@@ -22,13 +22,13 @@ EVENTS_ALL = 2**EVENTS_MOST - 1
 EVENTS_NOTE = f"of {RANDOM}: bit i keeps its i-th drawn event (default {EVENTS_ALL}, all)"
 
 MOMENTS = 20_813
-"""Of the generator of moments."""
+"""Part of the seed of the generator of moments."""
 
 Happening = TypeVar("Happening")
 
 
 class Event(NamedTuple, Generic[Happening]):
-    """What one event of a run is made of."""
+    """Parts of one event of a run."""
 
     happenings: tuple[Happening, ...] = ()
     faults: tuple[Fault, ...] = ()

@@ -1,4 +1,4 @@
-"""What every scenario refuses: an unknown name, and a length, a period or a seed beyond its limits."""
+"""Inputs that every scenario refuses: an unknown name, and a length, a period or a seed beyond its limits."""
 
 from __future__ import annotations
 

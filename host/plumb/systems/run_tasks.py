@@ -1,4 +1,4 @@
-"""The integer model of what a board is asked beside plain steps (plumb.systems.tasks)."""
+"""The integer model of the tasks of a board other than plain steps (plumb.systems.tasks)."""
 
 from __future__ import annotations
 

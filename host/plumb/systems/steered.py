@@ -23,7 +23,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 class Event(NamedTuple):
-    """What a button of the page does to the vehicle. label: of the button; text: what happens; seconds: how long, 0:
+    """Effect of a button of the page on the vehicle. label: of the button; text: what happens; seconds: how long, 0:
     until the button is pressed again."""
 
     label: str
@@ -75,7 +75,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Controls:
-    """What hands do, and how the page speaks of it.
+    """Controls of the vehicle, and the page's words for them.
 
     trip: `flight` or `ride`; motors: what the switch turns on; first: what to do once it is on. hover: the throttle, 0
     to 1, at which it neither rises nor sinks, for a page that holds the height; None: it has no throttle, and both
@@ -114,7 +114,7 @@ class SteeredVehicle(Plant, Protocol):
         """The events that are on."""
 
     def seen(self) -> Seen:
-        """What there is to be seen now."""
+        """The present positions for the drawing."""
 
     def at_rest(self) -> bool:
         """Whether it may be left where it is: it stands."""
@@ -140,7 +140,7 @@ class Steered(Protocol):
 
     @property
     def FRAMES(self) -> tuple[str, ...]:
-        """Frames of the system that the page reads, besides the raw counts."""
+        """Frames of the system that the page reads, in addition to the raw counts."""
 
     @property
     def ESTIMATED(self) -> tuple[str, ...]:
@@ -162,8 +162,8 @@ class Steered(Protocol):
     @property
     def CONTROLS(self) -> Controls: ...
 
-    def said(self, newest: Mapping[str, float], heard: bool, /) -> str:
-        """Who steers, as one phrase, from the newest value of each column, and whether the receiver hears."""
+    def said(self, newest: Mapping[str, float], receiving: bool, /) -> str:
+        """The mode as one phrase, from the newest value of each column. receiving: whether the receiver gets frames."""
 
     def estimate(self, period_s: float, /) -> Estimate:
         """The estimate before the first step. period_s: of the steps."""

@@ -1,4 +1,4 @@
-"""What a board is asked beside the steps of one set of parameters, each with a record of its own.
+"""Tasks of a board other than the steps of one set of parameters, each with a record of its own.
 
 retune        the record of every step, of a run whose live parameters change between two steps
 plausibility  of every step, what plumb_plausibility_step knows after it

@@ -141,7 +141,7 @@ CAN_POWER = (
     "socket, and a charger shorts the two.",
 )
 CAN_WIRES = "CAN transceiver, 3.3 V: RXD on PA11, TXD on PA12, VCC on 3V3."
-"""Where a drawing has no room for it as a box."""
+"""Used in a drawing that has no room for it as a box."""
 DIVIDER_NOTE = (
     "47 kΩ and 10 kΩ divide up to 18.8 V to 3.3 V. It is used after plumb params set battery_min_mv=10500 --save."
 )

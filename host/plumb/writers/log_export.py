@@ -128,7 +128,7 @@ def about(log: Log) -> dict[str, object]:
 
 @contextlib.contextmanager
 def _whole(path: Path) -> Iterator[Path]:
-    """A file beside `path` to be written, which then takes its place. Raises UsageError when that fails."""
+    """A file in the folder of `path` to be written, which then takes its place. Raises UsageError when that fails."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():

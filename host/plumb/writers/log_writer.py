@@ -41,8 +41,8 @@ class LogWriter:
     """Writes one log. Frames wait until a block is full or FLUSH_EVERY_S has passed; `flush` looks at the time while
     none arrive.
 
-    head: entries of the first block besides `clock`. simulated: the times that `add` gets count from the start of a
-    simulated board, not from 1970. Raises UsageError when the file exists, unless `replace`, or cannot be written.
+    head: entries of the first block in addition to `clock`. simulated: the times that `add` gets count from the start
+    of a simulated board, not from 1970. Raises UsageError when the file exists, unless `replace`, or cannot be written.
     """
 
     def __init__(

@@ -25,7 +25,7 @@ from plumb.systems.mavlink import MavlinkVehicle
 
 SYSTEM_ID, COMPONENT_ID = 1, 1
 EVERY_S = 1.0
-"""Of HEARTBEAT and SYS_STATUS."""
+"""Interval of HEARTBEAT and SYS_STATUS."""
 CHANNELS = 18
 NO_CHANNEL = NO_VOLTAGE = 0xFFFF
 NO_CURRENT = NO_BATTERY = -1

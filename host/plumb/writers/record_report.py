@@ -15,7 +15,7 @@ from plumb.readers.step_table import Column, table_of
 ROWS_MAX = 500_000
 """Steps that the page shows, the first ones: 17 minutes at 500 Hz. The log has all."""
 COLOURS = (ESTIMATE, SECOND, SENSOR, "#1a8f7a", "#8a63d2", "#c2578f")
-"""Of the lines of one panel, in their order. Each can be told from the ground in light and in dark mode."""
+"""Colours of the lines of one panel, in their order. Each is distinct from the background in light and in dark mode."""
 NOT_DRAWN = ("time_s", "step", "digest", "armed")
 
 

@@ -36,7 +36,7 @@ ERROR_DRAWS, LOSS_DRAWS = 2, 3
 
 @dataclass(frozen=True)
 class Grade:
-    """What a sensor does to a motion.
+    """Errors that a sensor adds to a motion.
 
     title: one line. degrade: adds the errors to a motion. sensor: its counts. loss: the samples that are lost;
     declared: known to be, else they leave no trace. window_s: runs begin inside the motion and are

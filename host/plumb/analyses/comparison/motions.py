@@ -183,7 +183,7 @@ MOTIONS: dict[str, tuple[Callable[[float, Generator], Course], float, str]] = {
 
 
 def prescribed(name: str, seed: int) -> Motion:
-    """What an ideal sensor feels, every PERIOD_S."""
+    """The readings of an ideal sensor, every PERIOD_S."""
     course, size, _ = MOTIONS[name]
     rng = np.random.default_rng(seed)
     lean = rotation.quaternions(np.array([*(LEAN_RAD * rng.standard_normal(2)), 0.0])[:, None])

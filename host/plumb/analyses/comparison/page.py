@@ -53,7 +53,7 @@ def tables(results: Sequence[Compared], algorithms: Sequence[Described]) -> list
 
 
 NONE = "-"
-"""Of a system that cannot have the period of the input."""
+"""Shown for a system that cannot have the period of the input."""
 
 
 def _outside(results: Sequence[Compared], algorithms: Sequence[Described]) -> list[str]:
@@ -74,8 +74,8 @@ def _sigmas(results: Sequence[Compared], names: Sequence[str]) -> list[list[str]
             found = one.means(name)
             if found is not None and found.sigma_deg is not None and found.beyond_3_sigma is not None:
                 ratio, share = found.sigma_deg / max(found.rmse_deg, 1e-9), 100.0 * found.beyond_3_sigma
-                told = f"{found.sigma_deg:.3f}", f"{found.rmse_deg:.3f}", f"{ratio:.2f}", f"{share:.2f} %"
-                rows.append([one.input.name, name, *told])
+                cells = f"{found.sigma_deg:.3f}", f"{found.rmse_deg:.3f}", f"{ratio:.2f}", f"{share:.2f} %"
+                rows.append([one.input.name, name, *cells])
     return rows
 
 

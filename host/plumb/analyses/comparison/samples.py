@@ -96,12 +96,12 @@ class Samples:
 
     @property
     def gyr_radps(self) -> FloatArray:
-        """What the counts of the gyro mean, (N, 3) rad/s."""
+        """The counts of the gyro in rad/s, (N, 3)."""
         return np.asarray(np.radians(self.counts[:, :3] * self.sensor.gyro.unit_per_count), np.float64)
 
     @property
     def acc_mps2(self) -> FloatArray:
-        """What the counts of the accelerometer mean, (N, 3) m/s^2."""
+        """The counts of the accelerometer in m/s^2, (N, 3)."""
         unit_mps2 = self.sensor.accel.unit_per_count * recording.G_MPS2
         return np.asarray(self.counts[:, 3:] * unit_mps2, np.float64)
 
@@ -116,7 +116,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What an algorithm says after each sample. up: the vertical in sensor coordinates, (N, 3); sigma_deg: the standard
+    """Output of an algorithm after each sample. up: the vertical in sensor coordinates, (N, 3); sigma_deg: the standard
     deviation of the tilt that it states, root of the sum of both axes' variances, (N,); None: it states none."""
 
     up: FloatArray
@@ -173,7 +173,7 @@ def held(samples: Samples, lost: BoolArray) -> Samples:
 
 
 def dropped(samples: Samples, lost: BoolArray) -> Samples:
-    """The samples without those that are lost, (N,): nobody is told, and their time is missing, too."""
+    """The samples without those that are lost, (N,): the loss is not marked, and their time is missing, too."""
     return _part(samples, np.flatnonzero(~lost))
 
 

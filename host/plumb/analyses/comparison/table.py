@@ -20,7 +20,7 @@ SIGMAS = 3.0
 
 @dataclass(frozen=True)
 class Trial:
-    """What an algorithm is run on. recording: of which, or which motion; pieces: runs of their own, scored together."""
+    """Input of an algorithm. recording: of which, or which motion; pieces: runs of their own, scored together."""
 
     recording: str
     seed: int
@@ -88,8 +88,8 @@ class Row:
 
 @dataclass(frozen=True)
 class Means:
-    """Of an algorithm over the recordings and seeds of an input: plain means, the worst root mean square and the
-    largest error."""
+    """Figures of an algorithm over the recordings and seeds of an input: plain means, the worst root mean square and
+    the largest error."""
 
     rmse_deg: float
     worst_rmse_deg: float
@@ -157,7 +157,7 @@ def runs(inputs: Sequence[Input], algorithms: Sequence[Contender]) -> int:
 
 
 def row_of(algorithm: str, recording: str, seed: int, error: FloatArray, sigma_deg: FloatArray | None) -> Row:
-    """From the scored errors, (N,), and the standard deviations that the algorithm states beside them."""
+    """From the scored errors, (N,), and the standard deviations that the algorithm states for them."""
     mean = beyond = None
     if sigma_deg is not None:
         mean, beyond = float(np.mean(sigma_deg)), float(np.mean(error > SIGMAS * sigma_deg))

@@ -54,7 +54,7 @@ class Flew:
 
 
 class _Draws:
-    """What the seeds draw, and the noise of each step; the same whatever else is flown beside a seed."""
+    """The numbers that the seeds draw, and the noise of each step; those of a seed do not depend on the other seeds."""
 
     def __init__(self, seeds: Sequence[int]) -> None:
         self._each = [np.random.default_rng(seed) for seed in seeds]

@@ -1,4 +1,4 @@
-"""What the one-axis filter of a system gets from a recording: measured tilt, rate, and R of every step."""
+"""Inputs of a system's one-axis filter from a recording: measured tilt, rate, and R of every step."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _chosen(system: str, name: str, own: object) -> object:
 
 
 def _measured(tuning: AxisTuning, raw: npt.NDArray[np.float64]) -> Measured:
-    """What reaches the filter: run the system's reference model up to it."""
+    """Inputs of the filter: run the system's reference model up to it."""
     r_base = tuning.trust.r_deg2
     open_ended = replace(tuning, trust=replace(tuning.trust, r_max_deg2=UNLIMITED_DEG2))
     found = run_control(open_ended, raw)

@@ -61,8 +61,8 @@ def tables(inputs: FilterInputs, fit: FilterFit) -> list[Table]:
             rows.append([whole[name], before, before, "the recording does not determine it: kept"])
             continue
         figure = fit.figures[name]
-        told = f"{figure.low:.3g} to {figure.high:.3g}" if np.isfinite(figure.high) else "flat: not known"
-        rows.append([whole[name], before, f"{figure.value:.5g}", told])
+        interval = f"{figure.low:.3g} to {figure.high:.3g}" if np.isfinite(figure.high) else "flat: not known"
+        rows.append([whole[name], before, f"{figure.value:.5g}", interval])
     found = [Table("Settings", ["setting", "before", "after", "95 %"], rows), _consistency(inputs, fit)]
     if not useful(inputs, fit):
         return found
@@ -103,7 +103,7 @@ def _grows(inputs: FilterInputs, fit: FilterFit) -> str:
 
 
 def warnings(inputs: FilterInputs, fit: FilterFit) -> list[str]:
-    """What the reader has to know before the settings are used."""
+    """Warnings to read before the settings are used."""
     correlated = fit.after.whiteness < WHITE_CHANCE
     refusal = chosen_settings.refusal(tuned(inputs, fit))
     return [

@@ -30,7 +30,7 @@ LOWEST_HZ = 0.5
 """Below it a pilot reacts to the machine, and with it to gusts."""
 LEAST_WINDOWS = 20
 LEAST_ASKED_DEG = 0.5
-"""Rms of what is asked for in a window: less tells nothing."""
+"""Least rms of the setpoint in a window: a window with less determines nothing."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class FlownRun:
 
 
 def flown(params: ControlParams, raw: RawCounts, setpoint: Setpoints, axis: str | None) -> FlownRun:
-    """The loop of an axis in these steps. Raises UsageError where too little of them tells something of it."""
+    """The loop of an axis in these steps. Raises UsageError where too few of them determine it."""
     tested = loop_of(params, axis)
     period_s = tested.tuning.period_s
     samples = round(WINDOW_S / period_s)
@@ -114,7 +114,8 @@ def known_steps(path: Path) -> KnownSteps:
 
 
 def of_log(path: Path, axis: str | None) -> FlownRun:
-    """The loop of the board in a log, in the run that is known best. Raises UsageError for what tells too little."""
+    """The loop of the board in a log, in the run that is known best. Raises UsageError for a log that determines too
+    little."""
     known = known_steps(path)
     try:
         return flown(known.params, known.raw, known.setpoint, axis)

@@ -35,7 +35,7 @@ class Variances:
 
 @dataclass(frozen=True)
 class Measured:
-    """What the filter gets, (steps,) each: z_deg, the tilt of the accelerometer; rate_dps of the gyro, as it drives the
+    """Inputs of the filter, (steps,) each: z_deg, the tilt of the accelerometer; rate_dps of the gyro, as it drives the
     prediction of the step; growth_deg2, what the deviation of |a| from 1 g adds to R, up to r_max_deg2."""
 
     period_s: float
@@ -56,7 +56,8 @@ class Measured:
 
 @dataclass(frozen=True)
 class Innovations:
-    """Of the steps that count, (n,): innovation_deg and its variance s_deg2. tilt_deg: the estimate, of every step."""
+    """Results for the steps that count, (n,): innovation_deg and its variance s_deg2. tilt_deg: the estimate, of every
+    step."""
 
     innovation_deg: FloatArray
     s_deg2: FloatArray
@@ -85,7 +86,7 @@ class Innovations:
 
     @cached_property
     def autocorrelation(self) -> FloatArray:
-        """Of the normalised innovations at lags 1 to LAGS."""
+        """Autocorrelation of the normalised innovations at lags 1 to LAGS."""
         centred = self.normalised - np.mean(self.normalised)
         power = float(centred @ centred) or 1.0
         return np.array([float(centred[lag:] @ centred[:-lag]) / power for lag in range(1, LAGS + 1)])

@@ -18,18 +18,18 @@ LOW, HIGH = (1e-9, 1e-12, 1e-6), (1e4, 1e2, 1e5)
 PROBE = 0.1
 """Step of the logarithms at which the curvature of the likelihood is measured."""
 TOLERANCE = 0.02
-"""Of the logarithms and of the logarithm of the likelihood at which the search ends."""
+"""Changes of the logarithms and of the logarithm of the likelihood at which the search ends."""
 QUICK_BIAS = 0.1
 """Q of a bias that walks fast, of Q of the angle: the second place to start the search from."""
 FLAT = 1e-6
-"""Curvature below which the likelihood does not tell a setting."""
+"""Curvature below which the likelihood does not determine a setting."""
 STEPS_MAX = 400
 
 
 @dataclass(frozen=True)
 class FilterFit:
     """The recording with the variances before and after. figures: by name, the value and its 95 % interval after; kept:
-    names of settings that the recording cannot tell, which stay as they were."""
+    names of settings that the recording does not determine, which stay as they were."""
 
     before: Innovations
     after: Innovations

@@ -45,7 +45,7 @@ TOO_SLOW = (
     "the test is ended, disarmed; end other programs on this computer, and test a simulated board with "
     "--board virtual --live, which needs no real time"
 )
-"""What follows for a board whose steps come late: a simulated one on a busy computer, or a computer that reads late."""
+"""Advice for a board whose steps come late: a simulated one on a busy computer, or a computer that reads late."""
 MOST_LIMITED = 0.02
 """Share of steps at which a limit of the controller may act: the loop is no linear one then."""
 
@@ -85,8 +85,8 @@ class LoopRun:
 
 
 def schedule(excited: Excitation, settle_s: float, periods: int) -> tuple[FloatArray, int]:
-    """What a test asks for in every step, in deg, and the first step of its first whole period: one more comes before,
-    in which the loop settles into the signal."""
+    """The setpoint of a test in every step, in deg, and the first step of its first whole period: one more comes
+    before, in which the loop settles into the signal."""
     still = round(settle_s / excited.period_s)
     signal_deg = np.concatenate([np.zeros(still), np.tile(excited.setpoint_deg, periods + 1)])
     return signal_deg, still + len(excited.setpoint_deg)
@@ -193,7 +193,7 @@ def _swing(
     """Send the setpoints of the steps from `first` on, as the steps come. tilt: (frame, signal) and its scale."""
     session, asked = capture.session, 0
     place, scale = tilt
-    heard, step = first, session.listening.timeout(STANDSTILL_S)
+    received, step = first, session.listening.timeout(STANDSTILL_S)
     watch = RealTimeWatch("the board", TOO_SLOW, _end_the_test, session.clock)
     while (at := capture.steps - first) < len(setpoint):
         if asked != setpoint[at]:
@@ -209,9 +209,9 @@ def _swing(
         tilts = capture.values.get(place, {})
         if tilts and abs(tilts[max(tilts)] * scale) > TILT_LIMIT_DEG:
             raise LinkError(f"the machine tilted beyond {TILT_LIMIT_DEG:g} deg: the test is ended, disarmed")
-        if capture.steps > heard:
-            bar.update(capture.steps - heard)
-            heard = capture.steps
+        if capture.steps > received:
+            bar.update(capture.steps - received)
+            received = capture.steps
             step.renew()
         elif step.over:
             raise LinkError(f"the board takes no steps after step {capture.steps}")

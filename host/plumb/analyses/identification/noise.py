@@ -18,7 +18,7 @@ from plumb.spec.tuning import AnyTuning, AxisTuning
 FEW_LEVELS = 4
 """With fewer different values than this, a signal is mostly the rounding of its counts."""
 FILTER_PARTS = ("white", "walk")
-"""What the filter's model knows: white noise of the rate, and a bias that walks."""
+"""The noise of the filter's model: white noise of the rate, and a bias that walks."""
 
 
 @dataclass(frozen=True)

@@ -36,16 +36,17 @@ BAND_SHARE = 0.25
 SINGLE, GROWTH = 64, 1.03
 """Coefficients that stand alone; above them they are taken together in bands, each so many times as wide."""
 DROP = 1.92
-"""Of the logarithm of the likelihood at the ends of a 95 % interval: half the 95 % quantile of chi-squared."""
+"""Drop of the logarithm of the likelihood at the ends of a 95 % interval: half the 95 % quantile of chi-squared."""
 LEAST_SAMPLES = 500
 NEGLIGIBLE = 1e-9
 """A variance of this share of the power in its place explains nothing."""
 STEPS_MAX, SHORTEST, PRECISION = 60, 1e-4, 1e-7
-"""Of the search: steps, shortest share of one, and the gain of the logarithm of the likelihood at which it ends."""
+"""Limits of the search: steps, shortest share of one, and the gain of the logarithm of the likelihood at which it
+ends."""
 MISFIT, LEAST_MISFIT = 4.0, 0.25
 """A stretch of the spectrum is off if its power is so many standard deviations, and at least this share, off."""
 RESOLUTION = 0.01
-"""Of the logarithm of a variance at the end of an interval."""
+"""Accuracy of the logarithm of a variance at the end of an interval."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +70,11 @@ class NoiseModel:
     walk: Estimate
 
     def allan_variance(self, tau_s: FloatArray) -> FloatArray:
-        """Of the fitted model, (points,)."""
+        """Allan variance of the fitted model, (points,)."""
         return np.asarray(sum(self.parts(tau_s).values()))
 
     def parts(self, tau_s: FloatArray) -> dict[str, FloatArray]:
-        """What each noise adds to the Allan variance, (points,)."""
+        """Share of each noise in the Allan variance, (points,)."""
         return {
             "white": self.white.value**2 / tau_s,
             "flicker": np.full_like(tau_s, FLICKER * self.flicker.value**2),
@@ -216,7 +217,8 @@ def _estimate(spectrum: Spectrum, index: int, least: float, best: dict[int, floa
 
 
 def _crossing(above: Callable[[float], float], centre: float, end: float) -> float:
-    """Where `above`, negative at centre, becomes positive on the way to end, by bisection; end if it does not."""
+    """The place where `above`, negative at centre, becomes positive on the way to end, by bisection; end if it does
+    not."""
     step, inside = math.copysign(0.1, end - centre), centre
     while abs(step) < abs(end - centre) and above(centre + step) <= 0.0:
         inside, step = centre + step, 1.6 * step

@@ -118,7 +118,7 @@ def _signals(title: str, own: Sequence[ChannelNoise], rest: Rest) -> Plot:
 
 
 def heading(rest: Rest) -> str:
-    """What was used, one sentence."""
+    """One sentence about the data that were used."""
     samples = len(rest.channels[0].values)
     part = f"at rest from {rest.first_s:.1f} to {rest.last_s:.1f} s of {rest.whole_s:.1f} s"
     return f"{rest.path.name}: {part}, {samples} samples every {1e3 * rest.period_s:.4g} ms."

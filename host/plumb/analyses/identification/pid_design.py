@@ -54,10 +54,10 @@ class Search(Protocol[G]):
     """The gains of one kind that `design` tries, as logarithms."""
 
     def starts(self, before: G, period_s: float) -> list[FloatArray]:
-        """Where the search begins."""
+        """Start of the search."""
 
     def gains(self, logs: FloatArray, before: G, period_s: float) -> G:
-        """Of logarithms that are within floating point's range."""
+        """Gains from logarithms that are within floating point's range."""
 
     def rounded(self, gains: G) -> G:
         """As a person types them."""

@@ -111,7 +111,7 @@ def _bad(found: Margins, wanted: Wanted) -> frozenset[int]:
 
 
 def _faster(tuning: PidTuning) -> Table:
-    """What shorter steps would give: the response to a torque, against the present gains."""
+    """The gain of shorter steps: the response to a torque, against the present gains."""
     rows = [[f"{1e-3 * tuning.tuning.period_us:g} ms", *_reached(tuning, 0.0, tuning.tuning.period_us)]]
     for period_us in tuning.faster:
         rows.append([f"{1e-3 * period_us:g} ms", *_reached(tuning, tuning.design.rejection_db, period_us)])

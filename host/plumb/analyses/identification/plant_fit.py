@@ -85,7 +85,8 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Response:
-    """Of the lines that are known well enough: hz, value (deg/s per command), and its standard deviation."""
+    """Frequency response at the lines that are known well enough: hz, value (deg/s per command), and its standard
+    deviation."""
 
     hz: FloatArray
     value: npt.NDArray[np.complex128]
@@ -142,7 +143,7 @@ def _above_noise(spectrum: npt.NDArray[np.complex128]) -> npt.NDArray[np.bool_]:
 
 
 def _with_neighbours(share: FloatArray) -> FloatArray:
-    """Root of the mean square of each line's relative scatter and that of the lines beside it. A few periods say little
+    """Root of the mean square of each line's relative scatter and that of its neighbours. A few periods say little
     about the scatter of one line: one that happens to repeat well would outweigh all others in the fit."""
     square = np.pad(share**2, NEIGHBOURS, mode="edge")
     width = 2 * NEIGHBOURS + 1
@@ -162,7 +163,7 @@ def fit(test: Measurement) -> PlantFit:
         away = (plant_of(values).sampled(response.hz, period_s)[0] - response.value) / response.deviation
         return np.concatenate([away.real, away.imag]) * math.sqrt(2.0)  # the deviation is that of both together
 
-    # Far below its corner the rate is the integral of the command: the first lines tell gain and sign.
+    # Far below its corner the rate is the integral of the command: the first lines determine gain and sign.
     integral = response.value * 2j * math.pi * response.hz
     if float(np.median(integral.real)) < 0.0:
         raise UsageError(

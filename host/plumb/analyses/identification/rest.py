@@ -146,7 +146,7 @@ def longest_rest(whole: Rest) -> Rest:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(int), [0]])))
     runs = sorted(((int(end - start), int(start)) for start, end in zip(edges[::2], edges[1::2], strict=True)))
     blocks, start = runs[-1] if runs else (0, 0)
-    margin = 0 if blocks == len(quiet) else 1  # a block beside a motion may hold its beginning
+    margin = 0 if blocks == len(quiet) else 1  # a block next to a motion may hold its beginning
     first_s, last_s = (start + margin) * BLOCK_S, (start + blocks - margin) * BLOCK_S
     if last_s - first_s < LEAST_REST_S:
         raise UsageError(

@@ -1,4 +1,4 @@
-"""What `plumb tune pid` has to know of a loop: how it is swung, which signals show it, and which gains it has.
+"""Description of a loop for `plumb tune pid`: how it is swung, which signals show it, and which gains it has.
 
 A one-axis system whose setpoint is a tilt has one loop, `AxisLoop`. Another system declares its loops, one for each
 axis, in judging/NAME/tested_loops.py.
@@ -40,7 +40,7 @@ GAINS = ("kp_per_deg", "ki_per_deg_s", "kd_per_dps", "derivative_tau_s")
 
 @dataclass(frozen=True)
 class Held:
-    """What a loop holds: the quantity that its swing asks for, its unit, and that unit in a name."""
+    """The controlled quantity of a loop: the quantity that its swing asks for, its unit, and that unit in a name."""
 
     quantity: str
     unit: str

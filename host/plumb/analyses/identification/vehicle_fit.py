@@ -3,8 +3,8 @@
 The thrust of a vehicle in the air has no component across its body: what the accelerometer measures there is drag by
 mass, -d v, and its own offset. The velocity is the integral of the acceleration, with the attitude of the gyro alone,
 in windows of WINDOW_S. In each of them the velocity at its begin, less the wind, is unknown, and so are the tilt at its
-begin and a drift of the gyro, which add a line and a parabola: these are fitted beside d. A gust moves the vehicle and
-the measured drag together. The instrument of the fit is therefore the velocity that the thrust alone gives.
+begin and a drift of the gyro, which add a line and a parabola: these are fitted together with d. A gust moves the
+vehicle and the measured drag together. The instrument of the fit is therefore the velocity that the thrust alone gives.
 
 A thrust command u that gives the acceleration f g along the thrust shows a hover at u f^-k; k is fitted, too.
 
@@ -32,7 +32,7 @@ G_MPS2 = 9.80665
 WINDOW_S, BLOCK_S, SETTLES_S = 6.0, 0.12, 1.0
 LEAST_WINDOWS = 6
 HOVERS_G = (0.8, 1.25)
-"""Accelerations of blocks that tell the thrust of a hover."""
+"""Accelerations of blocks that determine the thrust of a hover."""
 AIRBORNE_SHARE = 0.7
 """Share of the usual thrust above which a vehicle flies."""
 SLOW_RADPS = 1.0
@@ -40,7 +40,7 @@ SLOW_RADPS = 1.0
 EXPONENT, LEAST_SPREAD = 2.0 / 3.0, 0.03
 """k of a thrust that grows with the power 1.5 of its command, where log f spreads too little to fit it."""
 MOST_UNCERTAIN = 0.4
-"""Half the interval of the drag by the drag: a flight that leaves more does not tell it."""
+"""Half the interval of the drag by the drag: a flight that leaves more does not determine it."""
 SCALE = 0.015
 """Standard deviation of the scale of a calibrated accelerometer, which velocity and weight have, too; and what is left
 of a drag that grows faster than the speed."""
@@ -63,7 +63,7 @@ class FlownVehicle:
 
 
 class FlownVehicles(Protocol):
-    """flown_vehicle.py of a system: what a flight tells of the vehicle."""
+    """flown_vehicle.py of a system: properties of the vehicle that a flight determines."""
 
     def vehicle(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, /) -> FlownVehicle:
         """The flight with these parameters and inputs."""
@@ -88,9 +88,9 @@ class Estimate:
 
 @dataclass(frozen=True)
 class VehicleFit:
-    """What a flight tells. drag_per_s: drag by mass and speed, at the speeds of this flight; hover: thrust command;
-    offset_g: of the accelerometer along x and y, None where the flight does not tell them: without turns of the heading
-    they look like wind. speed_mps: rms of the velocity that the thrust gave within the windows."""
+    """Properties that a flight determines. drag_per_s: drag by mass and speed, at the speeds of this flight; hover:
+    thrust command; offset_g: of the accelerometer along x and y, None where the flight does not determine them: without
+    turns of the heading they look like wind. speed_mps: rms of the velocity that the thrust gave within the windows."""
 
     hover: Estimate
     drag_per_s: Estimate
@@ -100,7 +100,7 @@ class VehicleFit:
 
 
 def fit(flight: FlownVehicle) -> VehicleFit:
-    """Raises UsageError with one sentence for a flight that does not tell hover and drag."""
+    """Raises UsageError with one sentence for a flight that does not determine hover and drag."""
     begins, samples = windows(flight)
     if len(begins) < LEAST_WINDOWS:
         raise UsageError(
@@ -125,7 +125,7 @@ def fit(flight: FlownVehicle) -> VehicleFit:
 
 
 def in_the_air(thrust: FloatArray, turns: BoolArray, period_s: float) -> BoolArray:
-    """Steps in which a vehicle flies, from the thrust alone: a board that is told no drag sees no take-off.
+    """Steps in which a vehicle flies, from the thrust alone: a board whose drag is set to 0 detects no take-off.
 
     thrust: mean command of the rotors; turns: they are on. It flies while the mean of a second is above AIRBORNE_SHARE
     of what is usual in the recording."""
@@ -170,7 +170,7 @@ def _attitudes(up: FloatArray, rate_radps: FloatArray, period_s: float) -> Float
 
 
 def _design(flight: FlownVehicle, cut: Steps, size: int) -> FloatArray:
-    """Of every window the acceleration across the body, velocity, instrument and both offsets, less what the unknown
+    """For every window, the acceleration across the body, velocity, instrument and both offsets, less what the unknown
     velocity, tilt and drift of the window explain: (windows, rows, 5), m/s and s."""
     body = _attitudes(flight.up[cut[:, 0]], flight.rate_radps[cut], flight.period_s)
     force = flight.force_g[cut] * G_MPS2
@@ -208,24 +208,24 @@ def _drag(parts: FloatArray) -> FloatArray:
 
 
 def _hover(flight: FlownVehicle, cut: Steps, size: int) -> Estimate:
-    """Thrust command of a hover; raises UsageError where no block tells it."""
+    """Thrust command of a hover; raises UsageError where no block determines it."""
     shape = (*cut.shape[:1], -1, size)
     felt = flight.force_g[cut][..., 2].reshape(shape).mean(axis=2)
     thrust = flight.thrust[cut].reshape(shape).mean(axis=2)
     turning = np.abs(flight.rate_radps[cut][..., :2]).max(axis=-1).reshape(shape).max(axis=2)
     used = (felt > HOVERS_G[0]) & (felt < HOVERS_G[1]) & (thrust > 0.01) & (turning < SLOW_RADPS)
-    telling = np.flatnonzero(used.any(axis=1))
-    if len(telling) < LEAST_WINDOWS:
+    usable = np.flatnonzero(used.any(axis=1))
+    if len(usable) < LEAST_WINDOWS:
         raise UsageError("the flight does not determine the thrust of a hover: hold the height for half a minute")
     force, command = np.log(np.where(used, felt, 1.0)), np.log(np.where(used, thrust, 1.0))
 
     def solved(chosen: Steps) -> FloatArray:
-        rows = used[telling[chosen]]
-        f, u = force[telling[chosen]][rows], command[telling[chosen]][rows]
+        rows = used[usable[chosen]]
+        f, u = force[usable[chosen]][rows], command[usable[chosen]][rows]
         slope = float(np.polyfit(f, u, 1)[0]) if float(np.std(f)) > LEAST_SPREAD else EXPONENT
         return np.array([np.exp(np.mean(u) - slope * np.mean(f))])
 
-    value, half = _jackknife(solved, len(telling))
+    value, half = _jackknife(solved, len(usable))
     return Estimate(float(value[0]), float(np.hypot(half[0], 1.96 * SCALE * value[0])))
 
 

@@ -16,7 +16,7 @@ UNSEEN = "Offsets of the accelerometer are not reported: without turns of the he
 
 
 def tables(fit: VehicleFit, settings: Mapping[str, float]) -> list[Table]:
-    """What was found, and the lines that set it."""
+    """The results, and the lines that set them."""
     rows = [_row("thrust command of a hover", fit.hover), _row("drag by mass and speed, 1/s", fit.drag_per_s)]
     for axis, offset in zip("xy", fit.offset_g or (), strict=False):
         rows.append(_row(f"offset of the accelerometer along {axis}, g", offset))
@@ -31,7 +31,7 @@ def _row(label: str, found: Estimate) -> list[str]:
 
 
 def lead(name: str, system: str, fit: VehicleFit) -> str:
-    """What was used, one sentence."""
+    """One sentence about the data that were used."""
     moved = f"the speed changed by {fit.speed_mps:.1f} m/s rms"
     return f"{system} in {name}: {fit.windows} windows of {WINDOW_S:g} s in the air, in which {moved}."
 

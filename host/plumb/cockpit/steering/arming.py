@@ -1,4 +1,4 @@
-"""What keeps the board from being armed by the receiver's switch, and why it disarmed, as it says itself.
+"""The board's own reports of why the receiver's switch does not arm it, and of why it disarmed.
 
 The board arms by the switch of its receiver; no host asks for it.
 """
@@ -10,11 +10,11 @@ from plumb.link.session import Session
 
 
 def in_the_way(session: Session) -> str:
-    """What the board misses before it may be armed; "" for nothing."""
+    """Conditions for arming that the board misses; "" for none."""
     return "; ".join(plausibility_text(session.telemetry.get("PLAUSIBILITY", {}), session.parameters.uploaded))
 
 
 def why_disarmed(session: Session) -> str:
-    """What ended the last armed time."""
+    """Reason for the end of the last armed time."""
     said, system = session.telemetry, session.parameters.uploaded
     return disarmed_text(said.get("EVENTS", {}).get("disarm_cause", 0), said.get("PLAUSIBILITY", {}), system)

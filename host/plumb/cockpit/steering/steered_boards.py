@@ -19,7 +19,7 @@ Radio = Callable[[float], bytes]
 """Bytes of the radio receiver up to a time of the trip."""
 NATIVE, VIRTUAL = "native", "virtual"
 VIRTUAL_PERIOD_US = 5000
-"""Of the steps on the simulated chip, which takes more of this machine's time for each."""
+"""Period of the steps on the simulated chip, which takes more of this machine's time for each."""
 
 
 class SteeredBoard(Protocol):

@@ -146,12 +146,12 @@ class TripLoop(BoardRun):
 
     @property
     def noun(self) -> str:
-        """What a trip is called."""
+        """The noun for a trip."""
         return self._steered.CONTROLS.trip
 
     @property
     def speed(self) -> float:
-        """Of all trips so far, as a share of real time."""
+        """Speed of all trips so far, as a share of real time."""
         return self._passed_s / self._took_s if self._took_s else 1.0
 
     def turn(self) -> None:
@@ -275,7 +275,7 @@ class TripLoop(BoardRun):
 
     @property
     def events(self) -> list[dict[str, object]]:
-        """What a page has buttons for."""
+        """Events that have a button on the page."""
         own = self._steered.EVENTS.items()
         return [{"name": name, "label": event.label, "text": event.text} for name, event in (*own, (LOST, LOST_EVENT))]
 
@@ -334,7 +334,7 @@ class TripLoop(BoardRun):
         return None if cycles is None else cycles / (CHIP_HZ * self._period_us * 1e-6)
 
     def drawing(self) -> dict[str, object]:
-        """What a page needs once: how to draw the vehicle, and what may happen to it."""
+        """Data that a page needs once: the drawing of the vehicle, and its events."""
         drawing, controls = self._steered.DRAWING, self._steered.CONTROLS
         return {
             "command": part_of(self._session.system).name,

@@ -49,7 +49,7 @@ class TripPage(Page):
             await self._text({"type": "drawing", **self._trip.drawing()})
         await self._text({"type": "scene", "tick": self._board.hold.next_tick(), **self._trip.scene})
 
-    def _hear(self, text: str) -> None:
+    def _handle_message(self, text: str) -> None:
         try:
             said = _object(text)
             if said.get("do") == STICKS:
@@ -62,7 +62,7 @@ class TripPage(Page):
             self._answers.append({"number": 0, "good": False, "text": str(error)})
             return
         if order is None:
-            super()._hear(text)
+            super()._handle_message(text)
         elif not self._control:
             self._answers.append({"number": order.number, "good": False, "text": "this page only watches"})
         else:

@@ -1,1 +1,1 @@
-"""What judges `attitude`: plots, figures, limits; recordings as inputs, comparison with published algorithms."""
+"""Judging of `attitude`: plots, figures, limits; recordings as inputs, comparison with published algorithms."""

@@ -1,7 +1,7 @@
-"""What `attitude` reaches on simulated motion; on recordings, and beside published algorithms, `plumb compare` says it.
+"""Figures of `attitude` on simulated motion; `plumb compare` has those on recordings and of published algorithms.
 
 No source gives figures for this motion. The targets are the project's own: half a degree in the hand, and an arithmetic
-that costs nothing beside it.
+whose error is negligible next to that.
 """
 
 from __future__ import annotations

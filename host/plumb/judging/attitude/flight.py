@@ -19,12 +19,12 @@ from plumb.systems.attitude.tuning import Aid
 
 TUNING_NAME = "vehicle"
 FULL_Q15 = 32767
-"""The setpoint that tells the step of full thrust."""
+"""The setpoint for full thrust."""
 RESTARTED = "RESTARTED"
 
 
 class Runs:
-    """The estimators of all runs, which are told the drag of the rotors and every thrust command."""
+    """The estimators of all runs, which know the drag of the rotors and every thrust command."""
 
     def __init__(self, grade: ImuGrade, frame: Airframe, period_us: int, runs: int) -> None:
         system = declarations.system("attitude")

@@ -1,7 +1,7 @@
 """Metrics and plots of a run of `attitude`.
 
 `angle_...` is the angle between the estimated and the true vertical, in body axes: an error of heading, which no
-accelerometer can tell, does not count.
+accelerometer can measure, does not count.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What judges `balancer`: plots, figures, limits, margins of its loops."""
+"""Judging of `balancer`: plots, figures, limits, margins of its loops."""

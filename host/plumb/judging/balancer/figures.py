@@ -1,7 +1,7 @@
 """Targets of `balancer` and the figures that the integers reach (see plumb.proof.figures).
 
 Open loop: the motion of the ideal controller. Closed loop: the C integers in the loop, scored against the true tilt.
-The source's own filter, the arctangent of the two axes without compensation, is listed beside the shipped tuning for
+The source's own filter, the arctangent of the two axes without compensation, is listed with the shipped tuning for
 comparison; it has no target.
 """
 
@@ -106,16 +106,16 @@ LIMITS: Limits = {
 }
 
 
-BESIDE = {
+COMPARED = {
     "paper_rule_wheel": "tilt error, paper's rule, wheel",
     "arctan": "tilt error, nothing taken off",
     "arctan_fitted": "tilt error, nothing taken off, its own fit",
     "paper_rule": "tilt error, nothing taken off, paper's rule",
 }
-"""Tunings of the source's filter, which stand beside the shipped one, and their claims."""
+"""Tunings of the source's filter, listed with the shipped one for comparison, and their claims."""
 
 
-def open_rows(seeds: Iterable[int], beside: Mapping[str, str] = BESIDE) -> Iterator[Figure]:
+def open_rows(seeds: Iterable[int], compared: Mapping[str, str] = COMPARED) -> Iterator[Figure]:
     """Prescribed motion: accelerometer and gyro alone, the shipped tuning, and the source's filter for comparison."""
     expected, _ = expected_raw_dps()
     yield Figure("raw rate, over every bias there may be", "rough", "-", "deg/s rms", "near", RAW_DPS, expected)
@@ -129,15 +129,15 @@ def open_rows(seeds: Iterable[int], beside: Mapping[str, str] = BESIDE) -> Itera
             float(np.mean(alone)), float(np.max(alone)),
         ).over(alone)  # fmt: skip
         yield Figure(
-            "raw rate of these seeds", name, "-", "deg/s rms", "beside", 0.0, float(np.mean(raw)), float(np.max(raw))
+            "raw rate of these seeds", name, "-", "deg/s rms", "compared", 0.0, float(np.mean(raw)), float(np.max(raw))
         ).over(raw)
         tilt, rate = _estimate(batch, "tuned", "tilt error", "at most", reach_deg)
         yield tilt
         gain = 100.0 * (1.0 - tilt.reached / float(np.mean(alone)))
         yield Figure("below accelerometer only", name, "tuned", "%", "at least", below, gain)
         yield rate
-        for tuning, claim in beside.items():
-            yield from _estimate(batch, tuning, claim, "beside", reach_deg)
+        for tuning, claim in compared.items():
+            yield from _estimate(batch, tuning, claim, "compared", reach_deg)
 
 
 def _estimate(batch: Batch, tuning: str, claim: str, sense: Sense, reach_deg: float) -> tuple[Figure, Figure]:
@@ -197,7 +197,7 @@ def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
     before = peaks(batch.accel_only_deg())
     yield Figure(
-        "before the filter, largest error", "rocked", "-", "deg", "beside", 0.0, float(np.mean(before)),
+        "before the filter, largest error", "rocked", "-", "deg", "compared", 0.0, float(np.mean(before)),
         float(np.max(before)), source="+-10 deg",
     ).over(before)  # fmt: skip
     for tuning in ("tuned", "paper_rule"):

@@ -129,6 +129,6 @@ def loop_gains(
 
 
 def margins(friction_per_radps: float = 0.0) -> Mapping[str, Margins]:
-    """Of both loops, by name. They are stable, as the closed-loop runs show."""
+    """Margins of both loops, by name. They are stable, as the closed-loop runs show."""
     hz, gains = loop_gains(friction_per_radps)
     return {name: nearest_margins(hz, gain) for name, gain in gains.items()}

@@ -37,11 +37,11 @@ class Batch:
         )
 
     def tilt_rms(self, tilt_deg: FloatArray) -> FloatArray:
-        """Of every run, (runs,)."""
+        """Rms of the error of the tilt in every run, (runs,)."""
         return metrics.angle_rmse_deg(tilt_deg, self.tilt_deg, self.scored)
 
     def rate_rms(self, rate_dps: FloatArray) -> FloatArray:
-        """Of every run, (runs,)."""
+        """Rms of the error of the rate in every run, (runs,)."""
         return np.asarray(np.sqrt(np.mean((rate_dps - self.rate_dps)[self.scored] ** 2, axis=0)), np.float64)
 
     def gyro_dps(self) -> FloatArray:

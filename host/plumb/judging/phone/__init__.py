@@ -1,1 +1,1 @@
-"""What judges `phone`: plots, figures, limits; samples over UDP and its live run, recordings, comparison."""
+"""Judging of `phone`: plots, figures, limits; samples over UDP and its live run, recordings, comparison."""

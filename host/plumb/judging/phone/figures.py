@@ -170,11 +170,11 @@ def general_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         float(np.mean(alone)), float(np.max(alone)),
     ).over(alone)  # fmt: skip
     drift, body = (batch.error_deg(found)[-1] for found in (batch.euler_rates_only(), batch.axis_rates_only()))
-    yield _drift("raw drift in 200 s, Euler rates", "general", drift, sense="beside", source="28.6, 34.4 deg")
+    yield _drift("raw drift in 200 s, Euler rates", "general", drift, sense="compared", source="28.6, 34.4 deg")
     yield _drift("raw drift in 200 s, body rates", "general", body)
     drift_deg = float(np.mean(drift))
     marks: dict[str, tuple[Sense, float, Sense, float]] = {
-        "printed": ("about", 20.0, "beside", 0.0),
+        "printed": ("about", 20.0, "compared", 0.0),
         "euler": ("at most", 4.5, "at least", 80.0),
     }
     for name, (sense, reach, quieter, by) in marks.items():
@@ -188,7 +188,7 @@ def general_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def blended_rows(seeds: Iterable[int], scenarios: Iterable[str] = tuple(BLENDED)) -> Iterator[Figure]:
-    """Complementary filter and weighted average, which the source names beside the Kalman filter, at their best."""
+    """Complementary filter and weighted average, the source's alternatives to the Kalman filter, at their best."""
     for name in scenarios:
         tau_s, weight = BLENDED[name]
         batch = Batch.of(name, seeds)
@@ -242,7 +242,7 @@ def turns_rows(seeds: Iterable[int]) -> Iterator[Figure]:
             yield _share(claim, batch, name, "at most", 1.0, phone.TURN_DEG, while_held, LEFT_OVER)
             claim, of_deg = f"{called}, {axis} left at the end, share of raw drift", float(np.mean(ends_deg[i]))
             yield _share(claim, batch, name, "shown", 0.0, of_deg, at_last, LEFT_OVER)
-            honest: Sense = "beside" if axis == "roll" else "shown"
+            honest: Sense = "compared" if axis == "roll" else "shown"
             most, ideal, alone, gyro = (np.max(one[batch.scored], axis=0) for one in off)
             yield Figure(
                 f"{called}, largest error of {axis}", "turns", name, "deg", honest, 0.0, float(np.mean(most)),
@@ -254,7 +254,7 @@ def turns_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 def _drift(
     claim: str, scenario: str, deg: FloatArray, near_deg: float = 0.0, sense: Sense = "shown", source: str = ""
 ) -> Figure:
-    """Of the gyro alone, at the end. near_deg: the source's, where the scenario is its experiment."""
+    """Drift of the gyro alone, at the end. near_deg: the source's, where the scenario is its experiment."""
     if near_deg:
         sense, source = "near", f"{near_deg:g} deg"
     row = Figure(claim, scenario, "-", "deg", sense, near_deg, float(np.mean(deg)), float(np.max(deg)), source=source)

@@ -15,7 +15,7 @@ from plumb.systems.phone.tuning import PhoneTuning
 
 
 def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:
-    """What `plumb replay` runs: inputs, parameters, and the heading of the summary."""
+    """The run of `plumb replay`: inputs, parameters, and the heading of the summary."""
     period_us = phone.PERIOD_US if request.period_us is None else request.period_us
     given = request.tuning or phone.TUNINGS[phone.DEFAULT_TUNING]
     assert isinstance(given, PhoneTuning)

@@ -1,1 +1,1 @@
-"""What judges `quad`: plots, figures, limits, margins of its loop; recordings, demo, the table of bandwidths."""
+"""Judging of `quad`: plots, figures, limits, margins of its loop; recordings, demo, the table of bandwidths."""

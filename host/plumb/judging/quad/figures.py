@@ -107,7 +107,7 @@ class Batch:
         )
 
     def rmse_deg(self, tilt_deg: FloatArray) -> FloatArray:
-        """Of every run, (runs,)."""
+        """Rms of the error of every run, (runs,)."""
         return metrics.angle_rmse_deg(tilt_deg, self.tilt_deg, scoring.scored(self.time_s))
 
     def engineering(self) -> FloatArray:
@@ -149,7 +149,7 @@ def complementary_deg(batch: Batch, tau_s: float) -> FloatArray:
 
 
 def blended_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """Complementary filter and weighted average, which the source names beside the Kalman filter, at their best."""
+    """Complementary filter and weighted average, the source's alternatives to the Kalman filter, at their best."""
     for name, (tau_s, weight) in BLENDED.items():
         batch = Batch.of(name, seeds)
         gyro_deg, accel_deg = batch.gyro_only_deg(), batch.accel_only_deg()
@@ -186,9 +186,9 @@ def estimator_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         claim = "tilt error, U as printed"
         yield _tilt_error(claim, batch, "adaptive", "at most", most[batch.name, "adaptive"])
     yield _tilt_error("tilt error, tuned for quiet", quiet, "quiet", "at most", most["quiet", "quiet"])
-    yield _tilt_error("tilt error, fitted for quiet", quiet, "quiet_fitted", "beside", 0.0)
-    yield _tilt_error("paper's constants", quiet, "paper", "beside", 0.0)
-    yield _tilt_error("the paper's Q, its own R, a fast start", quiet, "fast_start", "beside", 0.0)
+    yield _tilt_error("tilt error, fitted for quiet", quiet, "quiet_fitted", "compared", 0.0)
+    yield _tilt_error("paper's constants", quiet, "paper", "compared", 0.0)
+    yield _tilt_error("the paper's Q, its own R, a fast start", quiet, "fast_start", "compared", 0.0)
     for tuning in ("quiet_fitted", "fast_start"):
         yield _tilt_error("the same on motion", motion, tuning, "shown", 0.0)
     for batch, tuning in ((motion, "adaptive"), (motion, "trapezium"), (quiet, "trapezium"), (quiet, "quiet")):
@@ -196,7 +196,8 @@ def estimator_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def _consistency(batch: Batch, tuning: str, sense: Sense) -> Iterator[Figure]:
-    """Mean and spread of a run's error apart, and the spread beside the sigma that the filter states."""
+    """Mean and spread of a run's error, each by itself, and the spread compared with the sigma that the filter
+    states."""
     settings = quad.TUNINGS[tuning]
     params, window = quantise(settings), scoring.scored(batch.time_s)
     words = native_core.run_control(params, batch.raw, np.zeros((batch.raw.shape[0], batch.raw.shape[2]), np.int32))

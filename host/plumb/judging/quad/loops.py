@@ -28,6 +28,6 @@ def axis(delay_s: float) -> PlantModel:
 
 
 def margins() -> Mapping[str, Margins]:
-    """Of every closed loop, by name."""
+    """Margins of every closed loop, by name."""
     loop = Loop(axis(PULSE_DELAY_S), Controller(HOLD, HOLD.trust.r_deg2))
     return {"attitude hold": loop.margins(HOLD.pid)}

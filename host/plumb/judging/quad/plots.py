@@ -79,8 +79,8 @@ def apart_from_setpoint(run: Run) -> dict[str, float | None]:
 
 
 def consistency(run: Run, error_deg: FloatArray) -> dict[str, float | None]:
-    """Mean and spread of the error over the scored samples, and the spread beside the filter's own sigma; {} for a run
-    without scored samples or without truth."""
+    """Mean and spread of the error over the scored samples, and the spread compared with the filter's own sigma; {} for
+    a run without scored samples or without truth."""
     if not len(error_deg) or not np.isfinite(error_deg).all():
         return {}
     variance = run.board_words["p00"][run.inputs.scored]

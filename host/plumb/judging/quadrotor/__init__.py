@@ -1,1 +1,1 @@
-"""What judges `quadrotor`."""
+"""Judging of `quadrotor`."""

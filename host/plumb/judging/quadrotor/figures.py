@@ -93,7 +93,7 @@ def _rms(values: FloatArray) -> FloatArray:
 
 
 def _asked(claim: str, name: str, unit: str, limit: float, values: FloatArray) -> Figure:
-    """Of the worst seed: a row that every seed has to keep."""
+    """Figure of the worst seed: a row that every seed has to keep."""
     sense: Sense = "at most" if limit else "shown"
     return Figure(claim, name, _tuning(name), unit, sense, limit, float(np.max(values)), float(np.max(values)))
 
@@ -136,13 +136,13 @@ def rate(seeds: Iterable[int]) -> Iterator[Figure]:
     rolled = flown.around(flown.rate_dps[:, 0], turn.begin_s, turn.end_s)
     from_stick_s = np.argmax(rolled > 0.9 * courses.STEP_DPS, axis=0) * quadrotor.PERIOD_US * 1e-6
     begins_s = np.searchsorted(flown.time_s, turn.begin_s + flown.later_s - 1e-9) * quadrotor.PERIOD_US * 1e-6
-    from_frame_s = begins_s + from_stick_s - _heard_s(turn.begin_s + flown.later_s)
+    from_frame_s = begins_s + from_stick_s - _frame_step_s(turn.begin_s + flown.later_s)
     yield _asked("90 % of 200 deg/s after the receiver's frame, worst", "rate", "s", 0.080, from_frame_s)
     yield _asked("90 % of 200 deg/s after the stick moved, worst", "rate", "s", 0.0, from_stick_s)
     yield _asked("beyond 200 deg/s, worst", "rate", "%", 15.0, 100.0 * (rolled.max(axis=0) / courses.STEP_DPS - 1.0))
 
 
-def _heard_s(moved_s: FloatArray) -> FloatArray:
+def _frame_step_s(moved_s: FloatArray) -> FloatArray:
     """The step at which the receiver has the first frame behind a stick's move."""
     period_s = quadrotor.PERIOD_US * 1e-6
     frame_s = np.ceil(moved_s / FRAME_S - 1e-6) * FRAME_S

@@ -22,9 +22,9 @@ from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
 @dataclass(frozen=True)
 class Flown:
-    """Of every step and run, (steps, runs): error_deg: estimated to true vertical; apart_deg: true to wanted vertical;
-    lean_deg: true; rate_dps: (steps, 3, runs); height_m; phase; rotor: (steps, 4, runs). time_s: (steps,). later_s: how
-    much later than written in COURSES the events of each run come, (runs,)."""
+    """Signals of every step and run, (steps, runs): error_deg: estimated to true vertical; apart_deg: true to wanted
+    vertical; lean_deg: true; rate_dps: (steps, 3, runs); height_m; phase; rotor: (steps, 4, runs). time_s: (steps,).
+    later_s: how much later than written in COURSES the events of each run come, (runs,)."""
 
     time_s: FloatArray
     later_s: FloatArray
@@ -58,8 +58,8 @@ def fly(
     frame: Airframe = HUMMINGBIRD_X,
     faults: tuple[Fault, ...] = (),
 ) -> Flown:
-    """One scenario, all seeds. open_loop: an ideal controller flies, and the core runs beside it. frame: instead of
-    that of the scenario, whose gains the tuning has."""
+    """One scenario, all seeds. open_loop: an ideal controller flies, and the core runs without effect on the flight.
+    frame: instead of that of the scenario, whose gains the tuning has."""
     drawn = [quadrotor.scenario(name, seed, period_us=period_us, seconds=seconds, faults=faults) for seed in seeds]
     params = quantise(drawn[0].fit(replace(tuning, period_us=period_us)))
     drawn = [run if run.frame is frame else replace(run, frame=frame) for run in drawn]

@@ -1,4 +1,4 @@
-"""What a recorded flight of `quadrotor` tells of the vehicle, for `plumb tune vehicle`."""
+"""Properties of the vehicle from a recorded flight of `quadrotor`, for `plumb tune vehicle`."""
 
 from __future__ import annotations
 

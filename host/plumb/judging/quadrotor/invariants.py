@@ -1,4 +1,4 @@
-"""What no flight of `quadrotor` may break, on the truth of the simulated physics.
+"""Invariants of every flight of `quadrotor`, on the truth of the simulated physics.
 
 Sensors lie while a fault is on them and for LIE_S after it; then only the switch is judged. A flight is over with the
 first stop of the rotors. An event is the beginning or the end of anything that happens (a cut throttle and a silent

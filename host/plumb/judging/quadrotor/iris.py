@@ -1,4 +1,4 @@
-"""A second frame for `quadrotor`: PX4's iris, twice as heavy, reported beside the hummingbird.
+"""A second frame for `quadrotor`: PX4's iris, twice as heavy, reported with the hummingbird.
 
 Its gains are those of the rule (`plumb.systems.quadrotor.frame_tuning`), its numbers those of `plumb.physics.airframe`.
 """

@@ -71,5 +71,5 @@ def margins(
     period_us: int = quadrotor.PERIOD_US,
     frame: Airframe = HUMMINGBIRD_X,
 ) -> Margins:
-    """Of the loop of one axis."""
+    """Margins of the loop of one axis."""
     return nearest_margins(*swept(axis, tuning, period_us, frame=frame))

@@ -65,5 +65,5 @@ def swept_on(
 
 
 def margins_on(board: StepBoard) -> Mapping[str, Margins]:
-    """Of the loop of each axis."""
+    """Margins of the loop of each axis."""
     return {axis: nearest_margins(HZ, swept_on(board, axis)) for axis in PATTERNS}

@@ -29,7 +29,7 @@ from plumb.tuning.loop_model import Loop, PlantModel
 
 AXES = ("roll", "pitch")
 FIRST_STICK = 6
-"""Of the inputs: six counts come before it."""
+"""Place among the inputs: six counts come before it."""
 HEIGHT_SETTLES_S = 2.0
 CLOSED = AIRBORNE | FLIES | LEVELS
 """Flags of a step in which the stick asks for a lean, in the air."""

@@ -1,1 +1,1 @@
-"""What judges `turntable`: plots, figures, limits; the gyro alone as the baseline."""
+"""Judging of `turntable`: plots, figures, limits; the gyro alone as the baseline."""

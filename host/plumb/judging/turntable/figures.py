@@ -113,7 +113,7 @@ class Batch:
         return Residual.of(turntable_gyro.residuals_deg(run, lag_s=lag_s) for run in self.runs)
 
     def words(self, tuning: str, run: turntable.Scenario) -> Words:
-        """Of the C integers."""
+        """Records of the C integers."""
         return native_core.run_control(quantise(run.fit(turntable.TUNINGS[tuning])), run.counts(), run.setpoint())
 
     def integers(self, tuning: str) -> Residual:
@@ -207,7 +207,7 @@ def motion_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     batch, nothing = Batch.of("motion", seeds), (0.0, 0.0)
     data_mean, data_max = (100.0 - limit.value for limit in LIMITS["motion", "data", "open"])
     yield from share_rows("data layer", batch, "motion", "data", "at most", (data_mean, data_max), source=True)
-    yield from honest_rows(batch, "motion", sense="beside")
+    yield from honest_rows(batch, "motion", sense="compared")
     for claim, tuning in (
         ("data layer, scale and lag not estimated", "known"),
         ("behind a noise prefilter", "smoothed"),
@@ -242,7 +242,7 @@ def many_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     shares = [block.share_of(mark)[0] for block, mark in zip(found["data"], alone, strict=True)]
     for which, value in (("least", min(shares)), ("most", max(shares))):
         claim = f"the same, {which} of {len(alone)} blocks of {count}, mean"
-        yield Figure(claim, "motion", "data", GYROS, "beside", 0.0, value)
+        yield Figure(claim, "motion", "data", GYROS, "compared", 0.0, value)
     for claim, tuning in (("lag undone", "-"), ("3 % of scale error believed", "loose_angular")):
         yield from rows(f"{claim}, {drawn}", rows_of[tuning], gyro, "motion", tuning, "shown", (0.0, 0.0))
 
@@ -256,12 +256,13 @@ def belief_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         name, nothing = f"motion, {sensor}_scale=0.03", (0.0, 0.0)
         yield from rows("gyro alone, its known lag undone", batch.lag_undone(), batch.gyro, name, "-", "shown", nothing)
         for claim, tuning in (("0.5 % believed", "data"), ("3 % of the angular one believed", "loose_angular")):
-            sense: Sense = "beside" if sensor == "angular" else "shown"
+            sense: Sense = "compared" if sensor == "angular" else "shown"
             yield from rows(claim, batch.integers(tuning), batch.gyro, name, tuning, sense, nothing)
 
 
 def rule_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """Angular acceleration summed by rectangles, as the patent prints it, beside the trapezium: both in float64."""
+    """Angular acceleration summed by rectangles, as the patent prints it, compared with the trapezium: both in
+    float64."""
     batch, nothing = Batch.of("motion", seeds), (0.0, 0.0)
     for tuning, layer in (("printed", "as printed, known lag undone"), ("data", "data layer")):
         rules: tuple[reference_turntable.Rule, ...] = ("rectangle", "trapezium")
@@ -309,7 +310,7 @@ def preset_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """The patent's figures with a gyro without lag; the warm-up."""
     untrimmed = Batch.of("untrimmed", seeds)
     yield from share_rows("no lag to undo", untrimmed, "untrimmed", "untrimmed", "at most", PATENT_SHARE, source=True)
-    yield from honest_rows(untrimmed, "untrimmed", lags=False, sense="beside")
+    yield from honest_rows(untrimmed, "untrimmed", lags=False, sense="compared")
     warm = Batch.of("warm_up", seeds)
     yield from share_rows("110 s with warm-up drift", warm, "warm_up", "warm_up", "shown", (0.0, 0.0))
     yield from honest_rows(warm, "warm_up")
@@ -330,7 +331,7 @@ def loss_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def axis_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """The patent's table: mean and maximum residual about every axis, in degrees, beside the gyro's."""
+    """The patent's table: mean and maximum residual about every axis, in degrees, with the gyro's."""
     batch = Batch.of("motion", seeds)
     alone = [turntable_gyro.residuals_deg(run) for run in batch.runs]
     for tuning in ("data", "attitude"):
@@ -397,7 +398,7 @@ def loss_plots(seed: int = 1000) -> list[Plot]:
 
 
 def spread_plot(seeds: Iterable[int] = range(1000, 1000 + TOGETHER)) -> XyPlot:
-    """The residual beside that of the gyro alone, run by run: each run has drawn scales of its own."""
+    """The residual compared with that of the gyro alone, run by run: each run has drawn scales of its own."""
     batch = Batch.of("motion", seeds)
     share = 100.0 * (np.arange(len(batch.runs)) + 0.5) / len(batch.runs)
     curves = []

@@ -26,7 +26,7 @@ FLAG_GYRO, FLAG_SPIKE = 4, 16
 AXES = "xyz"
 COLOURS = (ESTIMATE, SECOND, SENSOR)
 ATTITUDE_LAYER = 1
-"""Of the parameter fusion.layer: here alone the published rate is not a state of the filter."""
+"""Value of the parameter fusion.layer: with it alone the published rate is not a state of the filter."""
 
 
 def attitude(words: Words) -> FloatArray:

@@ -1,1 +1,1 @@
-"""What judges `wheels`: plots, figures, limits, margins of its loops."""
+"""Judging of `wheels`: plots, figures, limits, margins of its loops."""

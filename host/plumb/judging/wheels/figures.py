@@ -72,7 +72,7 @@ def _mean(claim: str, name: str, unit: str, sense: Sense, limit: float, of_runs:
 
 
 def _worst(claim: str, name: str, unit: str, limit: float | None, of_runs: FloatArray) -> Figure:
-    """Of the worst seed: a row that every seed has to keep; None: it is shown."""
+    """Figure of the worst seed: a row that every seed has to keep; None: it is shown."""
     sense: Sense = "shown" if limit is None else "at most"
     worst = float(np.max(of_runs))
     return Figure(f"{claim}, worst seed", name, TUNING, unit, sense, limit or 0.0, worst, worst)
@@ -148,7 +148,7 @@ def silent(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def loop_margins() -> dict[str, Margins]:
-    """Of balance and speed, by name: the worse of both ends of the battery."""
+    """Margins of balance and speed, by name: the worse of both ends of the battery."""
     hz, gains = loops.loop_gains(0.0, wheels.STEERED.balance)
     return {
         name: min(

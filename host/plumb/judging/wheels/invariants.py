@@ -1,4 +1,4 @@
-"""What no ride of `wheels` may break, on the truth of the simulated physics.
+"""Invariants of every ride of `wheels`, on the truth of the simulated physics.
 
 Sensors lie while a fault is on them and for LIE_S after it. A ride is over when it has fallen, or a sensor has stopped
 it.

@@ -26,8 +26,8 @@ Columns = Mapping[str, npt.NDArray[Any]]  # Any: integers of any width
 
 @dataclass(frozen=True)
 class Ridden:
-    """Of every step and run, (steps, runs): error_deg: of the estimate; velocity, turn: true; duty: the larger of both
-    motors. time_s: (steps,). happens_s: when the event of each run comes, (runs,)."""
+    """Signals of every step and run, (steps, runs): error_deg: of the estimate; velocity, turn: true; duty: the larger
+    of both motors. time_s: (steps,). happens_s: when the event of each run comes, (runs,)."""
 
     time_s: FloatArray
     happens_s: FloatArray

@@ -81,7 +81,7 @@ def swept_on(
 
 
 def margins_on(board: StepBoard) -> Mapping[str, Margins]:
-    """Of each loop at both ends of the battery."""
+    """Margins of each loop at both ends of the battery."""
     return {
         f"{loop}, battery {supply:g}": nearest_margins(HZ, swept_on(board, loop, supply))
         for loop in PATTERNS

@@ -27,7 +27,7 @@ from plumb.tuning.loop_model import Loop, PlantModel, Response
 
 AXES = ("turn",)
 YAW = 11
-"""Of the inputs: nine counts, roll and pitch come before it."""
+"""Place among the inputs: nine counts, roll and pitch come before it."""
 TURN_RATE = Held("turn rate", "deg/s", "dps")
 INTEGRAL_PER_S = (0.3, 6.0)
 """Integral by proportional gain. A faster one overshoots when a turn is asked for; its integer has no room for more."""

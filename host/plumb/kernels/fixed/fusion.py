@@ -29,7 +29,7 @@ class Parameter:
 
 
 class Predict(NamedTuple):
-    """What one step of the covariance depends on. difference: the difference of the attitudes grows by rate and gyro
+    """Inputs of one step of the covariance. difference: the difference of the attitudes grows by rate and gyro
     bias, and the error of the angle by the gyro's bias."""
 
     angular: bool

@@ -14,8 +14,9 @@ RATE_MAX = 1 << 29
 
 
 class Bounds(NamedTuple):
-    """What is asked of a system. throttle, rate, up_z, variance: words of its record, rate without the axis. blind:
-    flags of a sample that was missing or at a limit. stands: flags that all say that it stands on the ground."""
+    """Inputs of the conditions from a system. throttle, rate, up_z, variance: words of its record, rate without the
+    axis. blind: flags of a sample that was missing or at a limit. stands: flags that all say that it stands on the
+    ground."""
 
     throttle: str
     rate: str

@@ -1,4 +1,4 @@
-"""Complementary filter and weighted average, the simple alternatives that the sources name beside the Kalman filter.
+"""Complementary filter and weighted average, the simple alternatives to the Kalman filter that the sources name.
 
 They are here to be compared with, in float64; the firmware has neither. Units: deg, deg/s, s. Each takes floats or
 arrays of runs.

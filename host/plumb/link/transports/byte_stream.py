@@ -65,7 +65,7 @@ class ClockedChannel(Protocol):
 
 
 Channel = str | SerialName | TcpName | UdpName | ByteChannel
-"""What `open_stream` opens."""
+"""Endpoints that `open_stream` opens."""
 
 
 class SocketStream:

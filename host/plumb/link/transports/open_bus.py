@@ -43,7 +43,7 @@ from plumb.link.transports.socketcand import SocketcandClient
 
 
 def open_bus(spec: str, *, listen_only: bool = False) -> can.BusABC:
-    """The host's end. listen_only: over SLCAN, tell the far end to accept no frames from this host.
+    """The host's end. listen_only: over SLCAN, make the far end accept no frames from this host.
 
     Raises UsageError for a name that is not a bus, LinkError when it cannot be opened.
     """
@@ -111,7 +111,7 @@ def open_can(name: CanName) -> can.BusABC:
 
 
 def _remedy(interface: str, channel: str, kbit: int, number: int | None) -> str:
-    """What to do about a CAN interface that does not open. number: of the system's error, where there is one."""
+    """Remedy for a CAN interface that does not open. number: of the system's error, where there is one."""
     if interface == "socketcan" and number == errno.EAFNOSUPPORT:
         return (
             "this kernel has no CAN, and no interface can be brought up on it: load its module with `sudo modprobe "

@@ -70,7 +70,7 @@ class _Client:
 class SocketcandBus(can.BusABC):
     """Server for clients such as `can.Bus(interface="socketcand", host="127.0.0.1", port=..., channel=...)`.
 
-    heard: number of clients in raw mode."""
+    raw_clients: number of clients in raw mode."""
 
     def __init__(self, port: int) -> None:
         self._server = listening_socket(port)
@@ -81,7 +81,7 @@ class SocketcandBus(can.BusABC):
         super().__init__(self.address)
 
     @property
-    def heard(self) -> int:
+    def raw_clients(self) -> int:
         return sum(client.raw for client in self._clients)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:

@@ -29,7 +29,7 @@ from plumb.systems.attitude.fixed_turns import align, matrix_of, turn_body
 __all__ = ["control_init", "control_step", "control_valid"]
 
 ALIGN_LEAST_G_Q24 = 1258291
-"""0.15 g, half of it: below it an acceleration tells no direction."""
+"""0.15 g, half of it: a shorter acceleration has no usable direction."""
 CLIPPED = GYRO_CLIPPED | ACCEL_CLIPPED
 
 

@@ -31,7 +31,7 @@ from plumb.tuning.channels import NO_SAMPLE
 
 ALIGNING_BLOCKS = 4
 WORTHLESS_G, WORTHLESS_GS = 0.15, 1.0 / 32.0
-"""An acceleration, and the integral of one over a block, below which it tells no direction."""
+"""An acceleration, and the integral of one over a block, below which it has no usable direction."""
 GATE = 25.0
 TILT_STEP_RAD, HALF_ANGLE_RAD, VELOCITY_GS = 0.25, 0.43, 4.0
 VELOCITY_UNIT_GS = 2.0
@@ -353,8 +353,8 @@ class Model:
             corrected = CORRECTED_GAIN * float(x.corrected_rad @ x.corrected_rad)
             return FILTER_SHARE * own + min(corrected, CORRECTED_MOST * own) + lasting
         newest = (float(np.linalg.norm(x.velocity_gs - x.measured_gs)) * NEWEST_PER_S) ** 2
-        told = min(lasting, LASTING_MOST_RAD2) + min(newest, LASTING_MOST_RAD2 / 2.0)
-        return float(max(FLIGHT_LEAST_RAD**2 + FILTER_SHARE * own + told, KEPT * x.tilt_rad2))
+        shown = min(lasting, LASTING_MOST_RAD2) + min(newest, LASTING_MOST_RAD2 / 2.0)
+        return float(max(FLIGHT_LEAST_RAD**2 + FILTER_SHARE * own + shown, KEPT * x.tilt_rad2))
 
     def judged(self, x: Filter) -> Filter:
         """What the last block has shown; then its measurements, or a new start."""
@@ -376,7 +376,7 @@ class Model:
             resting = resting or held
         x.covariance = x.transition @ x.covariance @ x.transition.T
         growth = x.growth
-        if x.travel_excess_g2s2 > shock.TRAVELS_G2S2:  # nothing tells a bias from travel
+        if x.travel_excess_g2s2 > shock.TRAVELS_G2S2:  # a bias looks like travel
             growth[BIASES] = 0.0
         diagonal = np.diagonal(x.covariance)
         x.covariance = x.covariance + np.diag(

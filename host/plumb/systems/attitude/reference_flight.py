@@ -11,10 +11,10 @@ from plumb.spec.arrays import FloatArray
 MAYBE_LANDED_BLOCKS, LANDED_BLOCKS, TAKE_OFF_BLOCKS = 8, 67, 4
 """Carried blocks after which a vehicle may have landed, and has; blocks with the thrust of a hover that take it off."""
 WEIGHT_G, HOVERS_G = (0.9, 1.1), (0.5, 4.0)
-"""Length of the acceleration of a vehicle that the ground carries, and of one that tells the thrust of a hover."""
+"""Length of the acceleration of a vehicle that the ground carries, and of one that determines the thrust of a hover."""
 LIGHT, TAKE_OFF, IDLES = 0.75, 0.875, 0.375
 """Shares of the thrust of a hover: below the first the ground may carry it, from the second on it may take off; below
-the third even the first seconds of a flight tell no hover."""
+the third even the first seconds of a flight determine no hover."""
 HOVER, COMMAND_MOST = (0.1, 0.85), 0.95
 LIFTS_GS, FORGOTTEN = 0.03, 1.0 / 32.0
 LEARNED_UP, LEARNED_DOWN, LEARNED_FIRST, FIRST_BLOCKS = 1.0 / 16.0, 1.0 / 32.0, 1.0 / 4.0, 16

@@ -17,7 +17,7 @@ RISE_G, RISE_LEAST_G = 0.6, 0.01
 """No body falls with the one for seconds; the other is the cosine of 8 deg."""
 LEANS_G = 1.0 / 16.0
 REST_G, TILTED_G = (0.975, 1.025), 0.9
-"""Acceleration of a body at rest; beyond 26 deg off the vertical it tells that the vertical is wrong."""
+"""Acceleration of a body at rest; beyond 26 deg off the vertical it shows that the vertical is wrong."""
 HELD_SHARE = 1.0 / 32.0
 """Of the rate up to which a body rests: the least turn of a body that is held."""
 

@@ -5,7 +5,7 @@ Channels, in the order of the raw counts: gyro x, y, z, acceleration x, y, z, in
 truth is that at the end. A step without a sample has counts of -32768.
 
 Assumed of every sensor: a bias that a factory leaves and that grows while the gyro warms up, scale error, axes that
-are not quite square, and white noise. An offset of the accelerometer cannot be told from a tilt; it is left small, as
+are not quite square, and white noise. An offset of the accelerometer looks like a tilt; it is left small, as
 after a calibration of six sides.
 """
 
@@ -39,7 +39,7 @@ class Sensors:
     """A gyro and an accelerometer: their channels, and their errors, standard deviations of each axis.
 
     warm_up_dps: bias that comes within WARM_UP_S; square: angle by which an axis is not square, rad; noise in unit per
-    root Hz. link: what the board has to be told of them.
+    root Hz. link: their parameters on the board.
     """
 
     gyro: Channel
@@ -165,7 +165,7 @@ class Scenario(Steps):
 
     @property
     def link(self) -> Mapping[str, int]:
-        """What the board has to be told of the sensors."""
+        """The parameters of the sensors on the board."""
         return self.sensors.link
 
     def fit(self, tuning: AttitudeTuning) -> AttitudeTuning:

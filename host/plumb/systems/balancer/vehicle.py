@@ -38,7 +38,7 @@ BODY_KG, BODY_CENTRE_M = 1.2, 0.12
 WHEELS_KG, WHEEL_RADIUS_M = 0.3, 0.05
 WHEELS_KGM2 = 0.5 * WHEELS_KG * WHEEL_RADIUS_M**2
 STALL_NM, NO_LOAD_RADPS, FRICTION_NM = 0.8, 60.0, 0.02
-"""Of both wheels together: stall torque at full duty, no-load speed at full duty (3 m/s), dry friction."""
+"""Motors of both wheels together: stall torque at full duty, no-load speed at full duty (3 m/s), dry friction."""
 POLE_PAIRS = 14
 EDGES_PER_TURN = 6 * POLE_PAIRS
 """Three Hall sensors give six edges per electrical turn; the motor is in the wheel, without a gear."""

@@ -71,7 +71,7 @@ def dequantise(params: ControlParams) -> PhoneTuning:
     own |= {f"kalman.{name}": params[f"roll.{name}"] for name in ("qa_hi", "qa_lo", "qb", "qb_frac_q30")}
     own |= {f"tilt.{name}": params[f"roll.{name}"] for name in ("r_base", "r_max")}
     kalman, start, trust = filter_of(params)
-    roll_kalman, roll_start, roll_trust = filter_of(ControlParams({**params.values, **own}, params.beside))
+    roll_kalman, roll_start, roll_trust = filter_of(ControlParams({**params.values, **own}, params.context))
     return PhoneTuning(
         period_us=round(params.period_s * 1e6),
         gyro=channel_of(params, "gyro", 2**28 / 360),

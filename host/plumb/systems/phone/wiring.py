@@ -1,4 +1,4 @@
-"""What is wired to the board for `phone`."""
+"""Wiring of the board for `phone`."""
 
 from __future__ import annotations
 

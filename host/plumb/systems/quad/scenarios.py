@@ -150,11 +150,11 @@ HOLD = replace(
 """Attitude hold of plumb.systems.quad.plant: the least tilt under gusts with 35 deg of phase margin at 3 ms of delay
 between sample and pulse, and a recovery within 2 s; fitted on seeds 0-19: examples/studies/quad_hold.toml.
 
-The filter is that of `trapezium` in continuous time. Vibration lasts longer than a step, so that four steps tell no
-more of the tilt than one did: the law of R is four times as large. R at rest is twice as large, so that the error's
-spread on `hold` stays above half of the filter's own sigma; the largest R goes with it, because the unit of variance
-is as fine as that allows, and with it the arithmetic. Q is a density and stays, although the simulated gyro's
-noise is white at any period: that of an ENC-03, which ends at 50 Hz, is not.
+The filter is that of `trapezium` in continuous time. Vibration lasts longer than a step, so four steps say no more
+about the tilt than one did: the law of R is four times as large. R at rest is twice as large, so that the error's
+spread on `hold` stays above half of the filter's own sigma; the largest R goes with it, because the unit of variance is
+as fine as that allows, and with it the arithmetic. Q is a density and stays, although the simulated gyro's noise is
+white at any period: that of an ENC-03, which ends at 50 Hz, is not.
 """
 
 # Table 2 prints no units; read in degrees, its Q added at every step and its P0 all four 0.005.

@@ -47,6 +47,6 @@ def columns(words: Words, before: Words, params: ControlParams, /) -> Mapping[st
     landed = (phase == STOPPED) & ((words["stop_reason"] & RECEIVER_LOST) != 0)
     phases = [phase == HELD, phase == LANDING, landed]
     found["failsafePhase (flags)"] = np.select(phases, ["RX_LOSS_DETECTED", "LANDING", "LANDED"], "IDLE")
-    heard = ((words["receiver"] & 255) != 0) & ((flags & LOST) == 0)
-    found["rxSignalReceived"] = found["rxFlightChannelsValid"] = heard.astype(np.int64)
+    received = ((words["receiver"] & 255) != 0) & ((flags & LOST) == 0)
+    found["rxSignalReceived"] = found["rxFlightChannelsValid"] = received.astype(np.int64)
     return found

@@ -31,7 +31,7 @@ TOUCHED_M = 0.01
 """Height of the legs at which a pilot takes it for landed."""
 LEAN_DEG, LEAN_S = 20.0, 2.0
 MPU6050_LINK, TWO_CHIPS_LINK = {"accel_bus": 2}, {"accel_bus": 0}
-"""Parameters that tell the board which sensors it has."""
+"""Parameters that set the sensors of the board."""
 STEP_DPS = 200.0
 
 

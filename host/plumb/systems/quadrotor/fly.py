@@ -149,6 +149,6 @@ def vehicle(seed: int, /, *, period_us: int = TUNING.period_us) -> Vehicle:
     return Vehicle(seed, period_us)
 
 
-def said(newest: Mapping[str, float], _heard: bool) -> str:
+def said(newest: Mapping[str, float], _receiving: bool) -> str:
     phase = int(newest.get("phase", 0))
     return PHASES[phase] if 0 <= phase < len(PHASES) else f"phase {phase}"

@@ -132,7 +132,7 @@ static double happening_bits(const flight_t *f) {
     return bits;
 }
 
-static void tell(const flight_t *f, double truth[]) {
+static void write_truth(const flight_t *f, double truth[]) {
     const numbers_t *is = f->is;
     const body_t *b = &f->body;
     const double *up = b->matrix[2], above_m = dot(signal_of(f, NORMAL), b->position_m) - is->leg_down_m;
@@ -158,7 +158,7 @@ static void sample(void *plant, int32_t k, double time_s, int16_t *counts, doubl
     plant_fail(f->run, &f->frozen, time_s, counts, &signal_of(f, FAULT_NOISE)[k], f->is->fault_noise_lsb,
                f->is->fault_rail_lsb);
     memcpy(counts + OF_SENSORS, f->pilot.commands, sizeof f->pilot.commands);
-    tell(f, truth);
+    write_truth(f, truth);
 }
 
 static int32_t setpoint(const void *plant) {

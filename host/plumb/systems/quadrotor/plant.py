@@ -52,5 +52,5 @@ class QuadrotorPlant:
         return truth_of(self.vehicles, self.scenario.faults)
 
     def setpoint(self, time_s: float) -> int:
-        """Throttle that the receiver has heard last, Q15."""
+        """Throttle of the receiver's last frame, Q15."""
         return int(self.vehicles.throttle_q15()[0])

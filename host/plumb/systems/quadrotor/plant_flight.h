@@ -79,7 +79,7 @@ typedef struct {
 typedef struct {
     double seen_m[SEEN_MOST][AXES], seen_mps[SEEN_MOST][AXES];
     int32_t seen;
-    double sum_ms[2], height_sum_ms, lean_rad[2], yaw_radps, thrust_n, heard_s, landed_s;
+    double sum_ms[2], height_sum_ms, lean_rad[2], yaw_radps, thrust_n, received_s, landed_s;
     const double *turn; /* a row of TURNS, NULL in mode level */
     int16_t commands[COMMANDS];
     int32_t throttle_q15;
@@ -138,7 +138,7 @@ void wind_now(const flight_t *f, double at_s, double found[AXES]);
 void imu_bias(const flight_t *f, double bias_dps[AXES]);
 void imu_counts(const flight_t *f, int16_t *counts);
 
-/* What the pilot asks for now; the receiver hears it with its next frame. */
+/* What the pilot asks for now; the receiver gets it with its next frame. */
 void pilot_begin(flight_t *f);
 void pilot_now(flight_t *f);
 

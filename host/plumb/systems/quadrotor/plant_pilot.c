@@ -86,7 +86,7 @@ static int16_t word(const numbers_t *is, double share) {
     return (int16_t)rint(clip(share, -1.0, 1.0) * is->full);
 }
 
-static void hear(flight_t *f, int32_t number, bool flying) {
+static void receive(flight_t *f, int32_t number, bool flying) {
     const numbers_t *is = f->is;
     flown_t *p = &f->pilot;
     const double at_s = now_s(f), roll = p->lean_rad[0], pitch = p->lean_rad[1];
@@ -111,7 +111,7 @@ static void hear(flight_t *f, int32_t number, bool flying) {
 }
 
 void pilot_begin(flight_t *f) {
-    f->pilot.heard_s = -1.0;
+    f->pilot.received_s = -1.0;
     f->pilot.landed_s = HUGE_VAL;
 }
 
@@ -154,8 +154,8 @@ void pilot_now(flight_t *f) {
     if (touched && at_s > is->land_at_s && at_s < p->landed_s)
         p->landed_s = at_s;
     const int32_t frame = (int32_t)(at_s / is->frame_s + 1e-6);
-    if (frame * is->frame_s > p->heard_s && !happening_at(f, DEAF, at_s)) {
-        p->heard_s = frame * is->frame_s;
-        hear(f, frame % (int32_t)is->frame_numbers + 1, flying);
+    if (frame * is->frame_s > p->received_s && !happening_at(f, DEAF, at_s)) {
+        p->received_s = frame * is->frame_s;
+        receive(f, frame % (int32_t)is->frame_numbers + 1, flying);
     }
 }

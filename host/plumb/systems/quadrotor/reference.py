@@ -53,8 +53,8 @@ class Sensing:
         return cls(model, model.taken(counts, np.zeros(len(counts))), model.begun())
 
     def step(self, step: int, collective: float) -> Seen:
-        """What the sample of this step tells. collective: thrust command of the step before, without what roll and
-        pitch add to it; 0: the rotors are off."""
+        """The estimate after the sample of this step. collective: thrust command of the step before, without what roll
+        and pitch add to it; 0: the rotors are off."""
         self.samples.thrust[step] = collective
         judges = self.x.left == JUDGES
         self.x, _ = self.model.advanced(self.x, self.samples, step, step + 1)

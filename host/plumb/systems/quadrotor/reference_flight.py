@@ -49,7 +49,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Seen:
-    """What attitude tells in a step, in body axes, (3,) each."""
+    """The outputs of attitude in a step, in body axes, (3,) each."""
 
     rate_dps: FloatArray
     accel_g: FloatArray

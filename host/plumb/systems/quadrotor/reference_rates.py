@@ -11,7 +11,7 @@ from plumb.spec.arrays import FloatArray
 from plumb.systems.quadrotor.tuning import Mixer, QuadrotorTuning, RateGains, Rates
 
 ROLLS_OVER = 1.0 / 64.0
-"""One plus the cosine of 170 deg: nearer to upside down the error tells no axis, and the body rolls."""
+"""One plus the cosine of 170 deg: nearer to upside down the error has no axis, and the body rolls."""
 ERROR_MAX = 2.0
 KEPT_ON_GROUND = 31.0 / 32.0
 """Share of an integral that a step on the ground leaves."""

@@ -33,7 +33,7 @@ STICK_LEAN, STICK_RATE_DPS, STICK_YAW_DPS = math.sin(math.radians(35.0)), 400.0,
 """What a pilot takes a full stick for: sine of a lean, and rates."""
 ROTORS_ON, MODE_RATE = 1, 2
 FRAME_S, NUMBERS = 1.0 / 150.0, 255
-"""The receiver hears 150 frames a second (CRSF), numbered 1 to 255 in a circle."""
+"""The receiver gets 150 frames a second (CRSF), numbered 1 to 255 in a circle."""
 
 
 class Drawn(Protocol):
@@ -89,7 +89,7 @@ class Vehicles:
         self._seen: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=seen_steps(self.period_s))
         self._sum_ms = np.zeros((2, self.runs))
         self._felt = np.zeros((3, self.runs)), self.body.matrix[2].copy()
-        self._heard_s = -1.0
+        self._received_s = -1.0
         self._cascade = Cascade(self.frame, self.runs, self.period_s) if ideal else None
         self._landed_s = np.full(self.runs, np.inf)
         self.lean_rad, self.yaw_radps, self.thrust_n = (
@@ -184,15 +184,15 @@ class Vehicles:
         return self.imu.counts(self.time_s, *self._felt, self._noise[self.step % len(self._noise), :6])
 
     def commands(self) -> npt.NDArray[np.int16]:
-        """Words of the commands, (runs, 6): what the receiver has heard last."""
+        """Words of the commands, (runs, 6): those of the receiver's last frame."""
         return self._commands
 
     def throttle_q15(self) -> npt.NDArray[np.int32]:
-        """The throttle that the receiver has heard last, (runs,)."""
+        """The throttle of the receiver's last frame, (runs,)."""
         return self._throttle
 
     def _pilot(self) -> None:
-        """What the pilot asks for now; the receiver hears it with its next frame."""
+        """What the pilot asks for now; the receiver gets it with its next frame."""
         body, course, now_s = self.body, self.course, self.time_s
         self._seen.append((body.position_m.copy(), body.velocity_mps.copy()))
         position, velocity = self._seen[0]
@@ -214,9 +214,9 @@ class Vehicles:
             touched = self.ground.touched(body.position_m, course.touched_m)
             self._landed_s = np.where(touched, np.minimum(self._landed_s, now_s), self._landed_s)
         frame = int(now_s / FRAME_S + 1e-6)
-        if frame * FRAME_S > self._heard_s and course.lasting(courses.DEAF, now_s) is None:
-            self._heard_s = frame * FRAME_S
-            self._hear(frame % NUMBERS + 1, flying)
+        if frame * FRAME_S > self._received_s and course.lasting(courses.DEAF, now_s) is None:
+            self._received_s = frame * FRAME_S
+            self._receive(frame % NUMBERS + 1, flying)
 
     def _height(self, now_s: float) -> tuple[FloatArray, float]:
         begin_m, course = self.begin_m[2], self.course
@@ -228,7 +228,7 @@ class Vehicles:
             return begin_m + min(since_s * courses.CLIMB_MPS, course.climb_m), courses.CLIMB_MPS if rising else 0.0
         return begin_m + course.climb_m - course.sink_mps * (now_s - course.land_at_s), -course.sink_mps
 
-    def _hear(self, number: int, flying: bool) -> None:
+    def _receive(self, number: int, flying: bool) -> None:
         (roll, pitch), course, now_s = self.lean_rad, self.course, self.time_s
         yaw = np.degrees(self.yaw_radps) / STICK_YAW_DPS
         sticks = [sine(roll) * cosine(pitch) / STICK_LEAN, sine(pitch) / STICK_LEAN, yaw]

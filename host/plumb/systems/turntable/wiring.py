@@ -1,4 +1,4 @@
-"""What is wired to the board for `turntable`."""
+"""Wiring of the board for `turntable`."""
 
 from __future__ import annotations
 

@@ -82,8 +82,8 @@ def stopped_by(c: WheelsState, flags: int, on: bool, blind: bool) -> int:
     return reason
 
 
-def beside(p: Params, counts: int, felt: int) -> int:
-    """How far the speed of these counts is from one that is felt, m/s Q26."""
+def residual(p: Params, counts: int, felt: int) -> int:
+    """Distance of the speed of these counts from the speed that is felt, m/s Q26."""
     speed = clamp(counts, -p["wheel.edges_max"], p["wheel.edges_max"]) * p["wheel.edge_mps_q26"]
     return abs(wrap_i32(speed - felt))
 
@@ -100,4 +100,4 @@ def both(c: WheelsState, p: Params, left: int, right: int) -> int:
     felt = c.balancer.wheel.velocity_mps_q26 + c.apart_mps_q26
     if one:
         return by_left if c.right_steps >= dead else by_right
-    return by_left if beside(p, by_left, felt) <= beside(p, by_right, felt) else by_right
+    return by_left if residual(p, by_left, felt) <= residual(p, by_right, felt) else by_right

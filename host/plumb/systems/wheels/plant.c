@@ -75,7 +75,7 @@ static int32_t sample_at(const vehicle_t *v, double time_s) {
 }
 
 /* Number of the receiver's newest frame; 0: it is not in use. */
-static int32_t heard(const vehicle_t *v, double time_s) {
+static int32_t newest_frame(const vehicle_t *v, double time_s) {
     if (v->is->by_receiver == 0.0)
         return 0;
     const double *deaf = happening(v, DEAF, time_s);
@@ -104,7 +104,8 @@ static void follow(void *plant, double time_s, const int32_t *outputs) {
 
 static void command(vehicle_t *v, double time_s, int16_t *commands) {
     const numbers_t *is = v->is;
-    const int32_t frame = heard(v, time_s), at = sample_at(v, frame ? (frame - 1) * is->frame_s : time_s);
+    const int32_t frame = newest_frame(v, time_s),
+                  at = sample_at(v, frame ? (frame - 1) * is->frame_s : time_s);
     const double speed = is->full * signal_of(v, ASKED_MPS)[at] / is->speed_max_mps;
     commands[0] = 0;
     commands[1] = frame ? (int16_t)rint(speed) : 0;

@@ -22,7 +22,7 @@ FULL_Q15, MOTORS_ON = 32767, 1
 SPEED_MAX_MPS, TURN_MAX_DPS = 1.0, 90.0
 """What full sticks ask for."""
 FRAME_S, NUMBERS = 1.0 / 150.0, 255
-"""The receiver hears 150 frames a second (CRSF), numbered 1 to 255 in a circle."""
+"""The receiver gets 150 frames a second (CRSF), numbered 1 to 255 in a circle."""
 FAULTY = 8
 """Of the truth `happening`: the bit of a fault of channel 0."""
 TAKEN = (1, 3, 5, 2)
@@ -51,7 +51,7 @@ class WheelsPlant:
         return self.step * GRID_S
 
     def happens_now(self, what: str, *, seconds: float = math.inf, size: float = 0.0, number: int = 0) -> None:
-        """One of rides.HAPPENINGS begins, beside those of the ride. Raises ValueError for an unknown one."""
+        """One of rides.HAPPENINGS begins, in addition to those of the ride. Raises ValueError for an unknown one."""
         if what not in rides.HAPPENINGS:
             raise ValueError(f"nothing is called '{what}'; there are {', '.join(rides.HAPPENINGS)}")
         self._happens += (rides.Happening(what, self.time_s, self.time_s + seconds, size, number),)
@@ -106,7 +106,7 @@ class WheelsPlant:
         since_ms = int((time_s - chatters.begin_s) * 1000.0 + 1e-6) + chatters.number
         return since_ms % rides.CHATTER_MS < rides.CLOSED_MS
 
-    def _heard(self, time_s: float) -> int:
+    def _newest_frame(self, time_s: float) -> int:
         """Number of the receiver's newest frame, and the sample at which it was sent; 0: it is not in use."""
         ride = self.scenario.ride
         if not ride.by_receiver:
@@ -144,7 +144,7 @@ class WheelsPlant:
 
     def _commands(self, time_s: float) -> tuple[int, ...]:
         """Roll, pitch, yaw, switches, receiver, and one unused; while the receiver is silent they stay as they are."""
-        frame = self._heard(time_s)
+        frame = self._newest_frame(time_s)
         speed, turn = self.asked((frame - 1) * FRAME_S if frame else time_s)
         pitch = round(FULL_Q15 * speed / SPEED_MAX_MPS) if frame else 0
         yaw = round(FULL_Q15 * turn / TURN_MAX_DPS)

@@ -26,7 +26,7 @@ def quantise(tuning: WheelsTuning) -> ControlParams:
     dt = tuning.period_us * 1e-6
     own = {**balanced.own(), **_turning(tuning.turning, dt), **_riding(tuning.riding, dt)}
     own |= _watching(tuning.watching, dt)
-    return ControlParams.of("wheels", own, balanced.beside)
+    return ControlParams.of("wheels", own, balanced.context)
 
 
 def _word(name: str, asked: float, value: float, high: int) -> int:

@@ -42,8 +42,8 @@ class Rider:
     number: int = 0
     age: int = 0
 
-    def hears(self, tuning: WheelsTuning, receiver: int) -> bool:
-        """Whether the receiver is heard, or none is in use."""
+    def receives(self, tuning: WheelsTuning, receiver: int) -> bool:
+        """Whether frames come from the receiver, or none is in use."""
         number = receiver & 255
         self.age = self.age + 1 if number and number == self.number else 0
         self.number = number
@@ -156,8 +156,8 @@ class Watch:
         self, tuning: WheelsTuning, felt_deg: float, rate_dps: float, velocity_mps: float, duty: float,
         wheels: tuple[float, float],        *, on: bool,
     ) -> bool:  # fmt: skip
-        """Whether the encoders, or the ground, lie. felt_deg: tilt that is felt beside the one estimated; duty: for
-        balance."""
+        """Whether the encoders, or the ground, lie. felt_deg: difference of the felt tilt from the estimated one; duty:
+        for balance."""
         watching, period_s = tuning.watching, tuning.period_s
         drives = self.drives = on and not self.stopped
         change_mps = math.radians(felt_deg) * balancer.GRAVITY_MPS2 * period_s
@@ -204,13 +204,13 @@ def one_run(tuning: WheelsTuning, raw: FloatArray, setpoint: FloatArray) -> Floa
     found, tilt_deg, velocity_mps = np.zeros((len(raw), len(NAMES))), 0.0, 0.0
     wheel, hall, edges_mps = balancer.WheelState(), 0.0, own.wheel.edge_m / period_s
     for step, (roll, pitch, yaw, switches, receiver) in enumerate(raw[:, 9:14].astype(int).tolist()):
-        heard = rider.hears(tuning, receiver)
+        receiving = rider.receives(tuning, receiver)
         on = not rider.number or bool(switches & 1)
         odd = step > 0 and bool(outside[step - 1])
         odd = odd or (rider.phase != STOPPED and float(accel_z_g[step - 1]) < UP_LEAST_G)
         blind = watch.blind(tuning, odd or bool(repeats[step]))
         phase = rider.step(tuning, bool(raw[step, 6] > 0), blind, tilt_deg, on)
-        obeys = phase == RIDDEN and heard
+        obeys = phase == RIDDEN and receiving
         speed = float(pitch if rider.number else setpoint[step])
         asked_mps = obeys * float(np.clip(speed / FULL, -1.0, 1.0)) * own.speed.speed_max_mps
         asked_dps = obeys * float(np.clip((yaw - roll) / FULL, -1.0, 1.0)) * turning.rate_max_dps

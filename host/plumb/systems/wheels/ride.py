@@ -208,7 +208,7 @@ def vehicle(seed: int, /, *, period_us: int = TUNING.period_us) -> Vehicle:
     return Vehicle(seed, period_us)
 
 
-def said(newest: Mapping[str, float], heard: bool) -> str:
+def said(newest: Mapping[str, float], receiving: bool) -> str:
     phase = int(newest.get("phase", STOPPED))
     text = PHASES.get(phase, f"phase {phase}")
-    return text if heard or phase != RIDDEN else "no receiver: it stands"
+    return text if receiving or phase != RIDDEN else "no receiver: it stands"

@@ -25,7 +25,7 @@ ICE, ON_ICE_S, ON_ICE_MPS2 = 0.05, 0.3, 3.0
 ICY, OFF, CHATTER, DEAF, KERB, LIFT, PUSH = HAPPENINGS = ("icy", "off", "chatter", "deaf", "kerb", "lift", "push")
 """What happens for a time, its size and number. icy: the wheels of the bits of number, 1 left, 2 right, are on ice.
 off: the rider has left; chatter: he has, but his switch closes for 20 of 300 ms, by number ms later. deaf: the receiver
-hears nothing. kerb: one stands ahead (number 1) or behind (-1). lift: hands hold it in the air, by size deg forward.
+gets no signal. kerb: one stands ahead (number 1) or behind (-1). lift: hands hold it in the air, by size deg forward.
 push: by size m/s^2."""
 CHATTER_MS, CLOSED_MS = 300, 20
 LEFT, RIGHT = 1, 2
@@ -50,7 +50,7 @@ class Ride:
     left and right, slip; for ice_s from happens_s on, with a push slips_s later. speed_mps, then_mps: asked for before
     and after that push, else speeds at random. turns: 60 deg/s and 0 in turn. leaves: the rider steps off at happens_s.
     silent_s: of the receiver, from happens_s on; by_receiver: it steers. topples: a push that nobody can balance, at
-    happens_s. happenings: what happens beside."""
+    happens_s. happenings: further events."""
 
     title: str
     seconds: float = 20.0
@@ -71,7 +71,7 @@ class Ride:
     slips_s: float = ON_ICE_S
 
     def happens(self) -> tuple[Happening, ...]:
-        """All that happens beside pushes."""
+        """All events but pushes."""
         on_ice = LEFT * self.ice[0] + RIGHT * self.ice[1]
         own = (
             Happening(ICY, self.happens_s, self.happens_s + self.ice_s, number=on_ice) if self.ice_s else None,

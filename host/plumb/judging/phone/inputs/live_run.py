@@ -162,7 +162,7 @@ def follow(
     Returns the reason for an early end, else "". Raises LinkError if no step is complete within wait_s.
     """
     most = None if seconds is None else max(1, round(seconds / follower.params.period_s))
-    outcome, listened_s, heard = follower.outcome, 0.0, dict(intake.resampler.counts.samples)
+    outcome, listened_s, counted = follower.outcome, 0.0, dict(intake.resampler.counts.samples)
     while not stop and listened_s < (SILENCE_S if outcome.steps else wait_s):
         begin_s = time.monotonic()
         came = listener.receive_all(stop)
@@ -173,7 +173,7 @@ def follow(
         for step, words in follower.run_steps(steps):
             saw(step, words)
         if steps:
-            listened_s, heard = 0.0, dict(intake.resampler.counts.samples)
+            listened_s, counted = 0.0, dict(intake.resampler.counts.samples)
         if most is not None and outcome.steps >= most:
             return ""
     if stop:
@@ -181,4 +181,4 @@ def follow(
     if not outcome.steps:
         raise LinkError(f"no step in {wait_s:g} s on {listener.address}:{listener.port}: {intake.missing()}")
     done_s = outcome.steps * follower.params.period_s
-    return f"no step for {SILENCE_S:g} s after {done_s:g} s of steps: {intake.silent_since(heard)}"
+    return f"no step for {SILENCE_S:g} s after {done_s:g} s of steps: {intake.silent_since(counted)}"

@@ -131,10 +131,10 @@ class Intake:
         apps = " and ".join(self.received.apps)
         return f"{apps} sent no {what}; switch it on in the app" if silent else f"{apps} sent too little"
 
-    def silent_since(self, heard: dict[Sensor, int]) -> str:
-        """One sentence that names the sensor that stopped. heard: samples of each when the last step was made."""
+    def silent_since(self, counted: dict[Sensor, int]) -> str:
+        """One sentence that names the sensor that stopped. counted: samples of each when the last step was made."""
         samples = self.resampler.counts.samples
-        silent = [SENSOR_NAMES[sensor] for sensor in SENSORS if samples[sensor] - heard[sensor] < FEW]
+        silent = [SENSOR_NAMES[sensor] for sensor in SENSORS if samples[sensor] - counted[sensor] < FEW]
         return f"the phone's {silent[0]} stopped" if len(silent) == 1 else "the phone stopped sending"
 
 
