@@ -22,8 +22,8 @@ PACKAGE = Path(__file__).resolve().parents[1] / "host" / "plumb"
 FLOORS = [
     "checkout", "version", "process_signals", "errors", "extras", "near_names", "counted", "files", "spec", "contract",
     "physics", "kernels", "tuning", "link", "flash", "f103", "systems", "boards", "proof", "readers", "audit",
-    "writers", "bridge", "calibration", "analyses", "bench", "campaign", "api", "aio", "__init__", "cockpit", "cli", "pytest_plugin",
-    "judging", "__main__",
+    "writers", "bridge", "calibration", "analyses", "bench", "campaign", "api", "aio", "__init__", "cockpit", "cli",
+    "pytest_plugin", "judging", "__main__",
 ]  # fmt: skip
 """From the ground up."""
 LOADED = {
