@@ -12,6 +12,7 @@
 #define MISMATCH_MAX    178956971U /* 60 deg/s over the 0.25 s of the leak: 15 deg */
 #define CONVERGED_MAX   35791394U  /* 3 deg, turn Q32 */
 #define MISMATCH_LIMIT  (1L << 30) /* a quarter of a turn; the sum is clamped here */
+#define UPRIGHT_MAX     715827882U /* 60 deg, turn Q32: one that lies is beyond it */
 #define MEAN_OF_AT_MOST (1L << 29) /* inputs of a mean are clamped to +-2^29: their difference fits int32 */
 
 SELDOM_CALLED void plumb_plausibility_init(plumb_plausibility_t *p) {
@@ -71,6 +72,11 @@ static void compare_rates(plumb_plausibility_t *p, int32_t measured, int32_t rat
          wrap_i32(min_u32(abs_u32(wrap_i32(lo_u64((uint64_t)turned))), MEAN_OF_AT_MOST)), share);
 }
 
+/* An accelerometer whose second axis points down, while the estimate is within 60 deg of upright. */
+static bool overturned(const plumb_plausibility_bounds_t *b, const int32_t *word) {
+    return b->doubts && word[b->accel[1]] < 0 && abs_u32(word[b->tilt]) < UPRIGHT_MAX;
+}
+
 static uint16_t missing(plumb_plausibility_t *p, const plumb_plausibility_bounds_t *b, const int32_t *word,
                         uint32_t dt) {
     const uint32_t force = abs_u32(p->accel_mean_g2_q20);
@@ -118,8 +124,8 @@ void plumb_plausibility_step(plumb_plausibility_t *p, const plumb_plausibility_b
     const bool odd_innovation =
         p->converged && innovation > INNOVATION_MAX &&
         above_six_sigma(innovation, word[b->k0], (uint32_t)word[b->variance], variance_turn2_q56);
-    const bool odd_rate =
-        abs_u32(p->mismatch_turn_q32) > MISMATCH_MAX || abs_u32(p->unevenness_turn_q32) > b->uneven_turn_q32;
+    const bool odd_rate = abs_u32(p->mismatch_turn_q32) > MISMATCH_MAX ||
+                          abs_u32(p->unevenness_turn_q32) > b->uneven_turn_q32 || overturned(b, word);
     unsigned failed = 0;
     failed |= lasts(&p->accel_s_q33, odd_force, dt, ACCEL_FOR) ? PLUMB_PLAUSIBILITY_ACCEL : 0U;
     failed |= lasts(&p->innovation_s_q33, odd_innovation, early(word[b->k0], dt), INNOVATION_FOR)

@@ -237,4 +237,5 @@ const plumb_plausibility_bounds_t plumb_wheels_plausibility = {
     .rest_turnps_q28 = 7456540U,   /* 10 deg/s */
     .uneven_turn_q32 = 357913941U, /* 30 deg a step, as balancer */
     .ready_turn_q32 = 119304647U,  /* 10 deg */
+    .doubts = true,                /* blind, or odd */
 };

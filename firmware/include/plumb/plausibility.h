@@ -11,7 +11,9 @@
  *     RATE        the tilt that the accelerometer measures turns by 60 deg/s faster or slower than the gyro
  *                 says, 120 ms. The difference is low-passed with 0.25 s: the accelerometer's noise,
  *                 differentiated over one step, would be hundreds of deg/s. Or: the two differ from step to
- *                 step, in any direction, by more than the system's bound, mean over 0.25 s: noise
+ *                 step, in any direction, by more than the system's bound, mean over 0.25 s: noise. Or, of a
+ *                 system that measures its own estimate while it does not believe its accelerometer:
+ *                 gravity points down in the sensor while the estimate is within 60 deg of upright
  *
  * A system is ready when it is at rest, the filter has converged, the setpoint is 0, or small, and the tilt
  * is below the system's limit, all of them for 300 ms.
@@ -64,6 +66,7 @@ typedef struct {
     uint32_t rest_turnps_q28; /* largest mean of |corrected rate| at rest */
     uint32_t uneven_turn_q32; /* largest mean difference of a step's turn, accelerometer less gyro */
     uint32_t ready_turn_q32;  /* largest tilt at which the system may be armed */
+    bool doubts; /* where the step does not believe the accelerometer, the tilt it measures is its estimate */
 } plumb_plausibility_bounds_t;
 
 /* The places of a system's record, the first members of its bounds. The setpoint and the accelerations along

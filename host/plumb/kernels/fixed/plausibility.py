@@ -16,6 +16,8 @@ ANGLE_MAX = 178956971
 CENTRED_MAX = 35791394
 """3 deg, turn Q32."""
 QUARTER_TURN = 1 << 30
+UPRIGHT_MAX = 715827882
+"""60 deg, turn Q32."""
 MEAN_MAX = 1 << 29
 
 
@@ -27,7 +29,8 @@ class Bounds(NamedTuple):
     """Plausibility bounds of a system. setpoint, accel: names of words of its record;
     setpoint_max: the most of the setpoint at rest; *_g2_q20: squared acceleration,
     g^2 Q20; rest_turnps_q28, uneven_turn_q32, ready_turn_q32: bounds of the mean rate at rest, of the mean difference
-    between both sensors' turns in a step, and of the tilt at which the system may be armed."""
+    between both sensors' turns in a step, and of the tilt at which the system may be armed. doubts: the measured tilt
+    is the estimate while the step does not believe the accelerometer."""
 
     setpoint: str
     accel: tuple[str, str]
@@ -37,6 +40,7 @@ class Bounds(NamedTuple):
     uneven_turn_q32: int
     ready_turn_q32: int
     setpoint_max: int = 0
+    doubts: bool = False
 
 
 @dataclass(slots=True)
@@ -104,6 +108,7 @@ def step(s: State, b: Bounds, word: Mapping[str, int], dt: int, unit_turn2_q56: 
     early = 4 * dt if (word["k0_q29"] & 0xFFFFFFFF) > dt >> 3 else dt
     s.innovation_s_q33 = _lasts(s.innovation_s_q33, odd, early, time)
     odd = abs(s.mismatch_turn_q32) > ANGLE_MAX or abs(s.unevenness_turn_q32) > b.uneven_turn_q32
+    odd = odd or (b.doubts and word[b.accel[1]] < 0 and abs(word["tilt_turn_q32"]) < UPRIGHT_MAX)
     s.rate_s_q33 = _lasts(s.rate_s_q33, odd, dt, _time_q33(120))
     s.failed = (
         (ACCEL if s.accel_s_q33 >= _time_q33(200) else 0)

@@ -206,4 +206,5 @@ PLAUSIBLE = plausibility.Bounds(
     uneven_turn_q32=round(30.0 / 360.0 * 2**32),
     ready_turn_q32=round(10.0 / 360.0 * 2**32),
     setpoint_max=round(0.05 * 2**26),
+    doubts=True,
 )
