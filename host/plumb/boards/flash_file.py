@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from plumb.errors import UsageError
 from plumb.files.input_files import read_bytes
-from plumb.files.whole_files import write_whole
+from plumb.files.whole_files import require_writable, write_whole
 from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS
 
 if TYPE_CHECKING:
@@ -23,9 +23,10 @@ SLOTS_BYTES = 4096
 
 def read_slots(path: Path) -> bytes:
     """Contents of the file, b"" when there is none yet; raises UsageError for a file that holds something else, and
-    when its folder does not exist."""
+    when its folder does not exist, or the file could not be written."""
     if not path.parent.is_dir():
         raise UsageError(f"there is no folder {path.parent} to keep {path.name} in; make it, or choose another file")
+    require_writable(path, "choose another file")
     if not path.exists():
         return b""
     slots = read_bytes(path, SLOTS_BYTES, "choose another file")

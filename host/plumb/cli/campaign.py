@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
     from plumb.campaign.study import Study
@@ -31,9 +32,9 @@ WORKERS_MOST = 1024
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("study", metavar="SYSTEM|STUDY.toml", help="a system, or a file that declares a study")
-    parser.add_argument("--runs", type=int, metavar="N", help="runs in all (default: the study's, else 400)")
+    parser.add_argument("--runs", type=whole_number, metavar="N", help="runs in all (default: the study's, else 400)")
     options.add_seconds(parser, "length of a run (default: the study's, else the scenario's own)")
-    parser.add_argument("--first-seed", type=int, metavar="N", help="seed of the first run (default 1000)")
+    parser.add_argument("--first-seed", type=whole_number, metavar="N", help="seed of the first run (default 1000)")
     options.add_scenario(parser)
     options.add_tuning(parser)
     options.add_conditions(parser, "condition of every run")
@@ -42,12 +43,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reference", action="store_true", help="compare every run with the float64 reference, too")
     parser.add_argument("--confirm", metavar="B", help="run every step on a further board and compare: virtual, qemu")
     options.add_link_and_image(parser)
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
+    parser.add_argument("--workers", type=whole_number, metavar="N", help="processes (default: one for each core)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="tcp://HOST:PORT of a Dask scheduler, instead of cores")
     parser.add_argument("--out", type=Path, metavar="DIR", help="keep every batch, and write runs, summary and page")
     parser.add_argument("--resume", action="store_true", help="go on with the campaign in DIR")
     parser.add_argument("--against", type=Path, metavar="DIR", help="compare with the campaign in DIR, paired by seed")
-    parser.add_argument("--only", type=int, metavar="I", help="run number I alone, from 0, and print its figures")
+    parser.add_argument(
+        "--only", type=whole_number, metavar="I", help="run number I alone, from 0, and print its figures"
+    )
     options.add_json(parser)
 
 

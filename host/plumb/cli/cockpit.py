@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,7 +36,9 @@ SWITCH_S = 0.001
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_board(parser, linked=True)
     parser.add_argument("--watch", action="store_true", help="only watch: begin nothing, write nothing")
-    parser.add_argument("--port", type=int, default=0, metavar="N", help="port of the page (default: a free one)")
+    parser.add_argument(
+        "--port", type=whole_number, default=0, metavar="N", help="port of the page (default: a free one)"
+    )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument(
         "--out", type=Path, default=Path("recordings"), metavar="DIR", help="for recordings (default: recordings)"

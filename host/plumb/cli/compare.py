@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
     from plumb.analyses.comparison.contenders import Contender
@@ -38,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, nargs="*", metavar="FILE", help="recordings with a reference")
     parser.add_argument(
         "--decimate",
-        type=int,
+        type=whole_number,
         action="append",
         choices=(1, 3, 6),
         help="mean of so many samples; repeatable (default 1)",
@@ -52,7 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--motions", action="store_true", help="run on prescribed motions, too")
     parser.add_argument("--flights", action="store_true", help="fly a simulated quadrotor on each estimate")
     parser.add_argument("--only", action="append", metavar="NAME", help="this motion or flight only; repeatable")
-    parser.add_argument("--seeds", type=int, metavar="N", help="seeds of a motion or flight, from 1000 on (default 4)")
+    parser.add_argument(
+        "--seeds", type=whole_number, metavar="N", help="seeds of a motion or flight, from 1000 on (default 4)"
+    )
     parser.add_argument(
         "--drag-setting",
         type=float,

@@ -18,6 +18,7 @@ import sys
 from pathlib import Path
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 PART, DEFAULT = "angles", "attitude"
 
@@ -26,8 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, metavar="FILE", help="the recording")
     options.add_system_with(parser, PART, "system that estimates")
     parser.add_argument("--axis", choices=("x", "y", "z"), help="axis of the sensor, for one-axis systems (default x)")
-    parser.add_argument("--period-us", type=int, help="period of a step (default: the recording's own)")
-    parser.add_argument("--decimate", type=int, choices=(1, 3, 6), help="means of blocks of samples (default 1: none)")
+    parser.add_argument("--period-us", type=whole_number, help="period of a step (default: the recording's own)")
+    parser.add_argument(
+        "--decimate", type=whole_number, choices=(1, 3, 6), help="means of blocks of samples (default 1: none)"
+    )
     options.add_seconds(parser, "only the first N seconds")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/angles.csv and DIR/report.html")
     options.add_json(parser)

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
     from plumb.proof.faults.fault import Fault
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("fault", nargs="*", metavar="FAULT", help="names or groups (default: all)")
     options.add_systems(parser, "a system that drives an actuator or reads chips (default: all)")
     parser.add_argument(
-        "--phases", type=int, default=50, help="moments to inject a fault that depends on timing (default 50)"
+        "--phases", type=whole_number, default=50, help="moments to inject a fault that depends on timing (default 50)"
     )
     options.add_image(parser, "flash image, its ELF file in the same folder")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html and DIR/summary.json")

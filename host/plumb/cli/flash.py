@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
     from plumb.flash.image import ImageHeader
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     way.add_argument(
         "--probe", metavar="openocd[:INTERFACE]|pyocd", help="debug probe, named by the tool that drives it"
     )
-    parser.add_argument("--baud", type=int, default=115200, help="1200 to 115200 (default 115200)")
+    parser.add_argument("--baud", type=whole_number, default=115200, help="1200 to 115200 (default 115200)")
     options.add_image(parser, "flash image, .bin, .hex or .elf")
     parser.add_argument(
         "--wait", type=float, default=15.0, metavar="S", help="longest wait for the bootloader (default 15 s)"

@@ -15,6 +15,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
     from plumb.link.session import Session
@@ -24,7 +25,7 @@ ONE_AT_A_TIME = 500
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_board(parser, linked=True)
-    parser.add_argument("--steps", type=int, default=5000, help="steps sixteen in flight (default 5000)")
+    parser.add_argument("--steps", type=whole_number, default=5000, help="steps sixteen in flight (default 5000)")
     options.add_seed(parser, "the counts")
     options.add_link_and_image(parser)
     options.add_json(parser)

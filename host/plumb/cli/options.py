@@ -11,6 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plumb.cli.whole_numbers import whole_number
+
 if TYPE_CHECKING:
     from plumb.boards.contract import StepBoard
     from plumb.boards.link import LinkBoard
@@ -248,7 +250,9 @@ def add_plant(parser: Options) -> None:
 
 def add_seed(parser: Options, of: str = "every random number") -> None:
     """--seed."""
-    parser.add_argument("--seed", type=int, default=DEFAULT_SEED, help=f"seed of {of} (default {DEFAULT_SEED})")
+    parser.add_argument(
+        "--seed", type=whole_number, default=DEFAULT_SEED, help=f"seed of {of} (default {DEFAULT_SEED})"
+    )
 
 
 def add_seconds(parser: Options, about: str, default: float | None = None) -> None:
@@ -276,7 +280,10 @@ def add_force(parser: Options) -> None:
 def add_log_run(parser: Options) -> None:
     """--log-run and --params, of a command that reads a log; `params_of` reads the latter."""
     parser.add_argument(
-        "--log-run", type=int, metavar="N", help="of a log: its run number N (default: the one of which most is known)"
+        "--log-run",
+        type=whole_number,
+        metavar="N",
+        help="of a log: its run number N (default: the one of which most is known)",
     )
     parser.add_argument(
         "--params", type=Path, metavar="FILE", help="of a log without parameters: a file of `plumb params dump`"

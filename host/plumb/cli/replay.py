@@ -28,6 +28,7 @@ import sys
 from pathlib import Path
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 PART = "replay"
 
@@ -40,9 +41,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.add_board(parser)
     options.add_link_and_image(parser)
-    parser.add_argument("--period-us", type=int, help="of units: control period (default: the recording's own)")
     parser.add_argument(
-        "--decimate", type=int, choices=(1, 3, 6), help="of units: means of blocks of so many samples (default 1: none)"
+        "--period-us", type=whole_number, help="of units: control period (default: the recording's own)"
+    )
+    parser.add_argument(
+        "--decimate",
+        type=whole_number,
+        choices=(1, 3, 6),
+        help="of units: means of blocks of so many samples (default 1: none)",
     )
     options.add_log_run(parser)
     options.add_seconds(parser, "only the first N seconds")

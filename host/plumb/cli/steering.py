@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
     from plumb.cockpit.steering.trip_loop import TripLoop
@@ -22,7 +23,9 @@ def add_arguments(
     options.add_system_with(parser, command, f"system that is {done}")
     parser.add_argument("--board", choices=BOARDS, default=BOARDS[0], help=f"what {does} it (default: native)")
     options.add_image(parser, "flash image of `virtual`")
-    parser.add_argument("--port", type=int, default=0, metavar="N", help="port of the page (default: a free one)")
+    parser.add_argument(
+        "--port", type=whole_number, default=0, metavar="N", help="port of the page (default: a free one)"
+    )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument(
         "--out", type=Path, default=Path(trips), metavar="DIR", help=f"for records and reports (default: {trips})"

@@ -20,6 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 DEFAULT_SEEDS, DEFAULT_FIRST_SEED = 40, 1000
 
@@ -34,9 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_link_and_image(parser)
     options.add_seconds(parser, "with --confirm: at most N seconds of each run")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write the sources' figures as DIR/SYSTEM_NAME.svg")
-    parser.add_argument("--seeds", type=int, help=f"with --table: number of seeds (default {DEFAULT_SEEDS})")
+    parser.add_argument("--seeds", type=whole_number, help=f"with --table: number of seeds (default {DEFAULT_SEEDS})")
     about = f"with --table: first seed (default {DEFAULT_FIRST_SEED})"
-    parser.add_argument("--first-seed", type=int, metavar="N", help=about)
+    parser.add_argument("--first-seed", type=whole_number, metavar="N", help=about)
     options.add_json(parser)
 
 

@@ -50,6 +50,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options, tune_vehicle
+from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
     from plumb.analyses.identification.loop_test import LoopRun
@@ -98,7 +99,9 @@ def add_pid(pid: argparse.ArgumentParser) -> None:
         metavar="AXIS",
         help="which loop of the system (default: its first; another name is answered with those that it has)",
     )
-    pid.add_argument("--period-us", type=int, metavar="US", help="period of the simulated system (default: its own)")
+    pid.add_argument(
+        "--period-us", type=whole_number, metavar="US", help="period of the simulated system (default: its own)"
+    )
     options.add_seed(pid, "the plant")
     pid.add_argument("--live", action="store_true", help="`virtual` samples its own sensors, armed, as a machine does")
     pid.add_argument(
@@ -117,7 +120,9 @@ def add_pid(pid: argparse.ArgumentParser) -> None:
         metavar="DEG",
         help="largest setpoint; of turn in deg/s (default 8)",
     )
-    pid.add_argument("--periods", type=int, default=8, help="repetitions of the test signal, 4 s each (default 8)")
+    pid.add_argument(
+        "--periods", type=whole_number, default=8, help="repetitions of the test signal, 4 s each (default 8)"
+    )
     pid.add_argument("--phase-deg", type=float, default=35.0, help="least phase margin (default 35)")
     pid.add_argument("--gain-db", type=float, default=6.0, help="least gain margin, both ways (default 6)")
     pid.add_argument("--delay-ms", type=float, default=0.0, help="least further delay (default 0: as it comes)")
@@ -129,7 +134,9 @@ def add_target(parser: argparse.ArgumentParser, about: str) -> None:
     options.add_tuning(parser)
     axis = "axis of a three-axis recording, for systems with one axis (default x)"
     parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help=axis)
-    parser.add_argument("--period-us", type=int, metavar="US", help="period of the system's steps (default: its own)")
+    parser.add_argument(
+        "--period-us", type=whole_number, metavar="US", help="period of the system's steps (default: its own)"
+    )
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:

@@ -28,3 +28,8 @@ def __getattr__(name: str) -> object:
 
         return machine.Machine if name == "Machine" else bus.SimulationError
     raise AttributeError(name)
+
+
+def __dir__() -> list[str]:
+    """What the package offers, for completion, before it is imported."""
+    return sorted({*globals(), *__all__})

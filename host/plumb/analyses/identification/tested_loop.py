@@ -205,8 +205,8 @@ def loop_of(params: ControlParams, axis: str | None = None) -> TestedLoop[Gains]
             raise UsageError(f"{system.name} has no loop '{chosen}': give --loop {' or '.join(loops.AXES)}")
         return loops.loop_of(params, chosen)
     tuning = dequantise(params)
-    setpoint = next(word for word in system.words if word.name == "setpoint" or word.name.startswith("setpoint_"))
-    if not isinstance(tuning, AxisTuning) or setpoint.unit != "turn" or not system.output:
+    setpoints = [word for word in system.words if word.name == "setpoint" or word.name.startswith("setpoint_")]
+    if not isinstance(tuning, AxisTuning) or not setpoints or setpoints[0].unit != "turn" or not system.output:
         raise UsageError(f"{params.system} holds no tilt that a host sets: its loop cannot be tested so")
     if axis:
         raise UsageError(f"{params.system} has one loop: leave --loop {axis} out")

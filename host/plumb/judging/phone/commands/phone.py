@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
     from plumb.boards.contract import StepBoard
@@ -38,10 +39,12 @@ LOOK_STEPS = 10
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_board(parser)
     options.add_link_and_image(parser)
-    parser.add_argument("--udp", type=int, default=DEFAULT_PORT, metavar="PORT", help=f"port (default {DEFAULT_PORT})")
+    parser.add_argument(
+        "--udp", type=whole_number, default=DEFAULT_PORT, metavar="PORT", help=f"port (default {DEFAULT_PORT})"
+    )
     parser.add_argument("--listen", default="loopback", metavar="WHERE", help="loopback (default), all, or an address")
     parser.add_argument("--tuning", default="euler", help="euler (default) or printed")
-    parser.add_argument("--period-us", type=int, default=10_000, help="control period (default 10000)")
+    parser.add_argument("--period-us", type=whole_number, default=10_000, help="control period (default 10000)")
     options.add_seconds(parser, "how long, by the phone's clock (default: until it stops)")
     parser.add_argument(
         "--wait", type=float, default=30.0, metavar="S", help="longest wait for the first step (default 30)"

@@ -12,13 +12,14 @@ import argparse
 import json
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import whole_number
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("motion_hz", nargs="?", type=float, metavar="HZ", help="the highest frequency of the motion")
     parser.add_argument("--resistor", type=float, default=10_000.0, metavar="OHM", help="of the filter (default 10000)")
     parser.add_argument("--table", action="store_true", help="run the scenario behind 5, 20, 50 and 350 Hz")
-    parser.add_argument("--seeds", type=int, default=40, help="of the table, from 1000 on (default 40)")
+    parser.add_argument("--seeds", type=whole_number, default=40, help="of the table, from 1000 on (default 40)")
     options.add_json(parser)
 
 
