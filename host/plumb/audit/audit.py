@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from plumb.audit import factors, mends, rests, signed_axes
-from plumb.audit.alignment import Alignment, alignment_of
+from plumb.audit.alignment import SEEN, Alignment, alignment_of
 from plumb.audit.clock import clock_findings
 from plumb.audit.findings import Certainty, Finding, fault, note
 from plumb.audit.grid import Grid, grid_of
@@ -19,8 +19,6 @@ from plumb.spec.arrays import BoolArray, FloatArray
 
 LEAST_SAMPLES = 20
 LAG_STEPS, LEAST_LAG_S = 2.5, 0.012
-WELL = 0.35
-"""Error of a factor that is known, of that as read, from which it is sure."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +76,9 @@ def audit(samples: Samples) -> Audit:
         return Audit(work.findings, samples, work.samples)
     held, rows = held_findings(work.samples)
     wrapped = wrap_findings(work.samples)
+    work.add(*held)
     clips, clipped = clip_findings(work.samples, rows)
-    work.add(*held, *wrapped, *([] if wrapped else clips))
+    work.add(*wrapped, *([] if wrapped else clips))
     work.add(_accel_units(work.samples))
     grid = grid_of(work.samples, np.zeros(len(work.samples), np.bool_) if wrapped else clipped)
     alignment = None
@@ -173,6 +172,16 @@ def _gyro_units(one: Alignment, samples: Samples) -> Finding:
         if most > 5000.0:
             text = f"up to {most:.4g} deg/s as read: no gyro turns so fast; counts, or deg/s taken for rad/s?"
             return fault("gyro-units", "likely", text, most_dps=most)
+        seen = one.turning
+        if seen is not None and seen.explained >= SEEN and not 0.5 < seen.factor < 2.0:
+            # Accelerations and clipped samples make the regression's factor too small.
+            known = factors.nearest(1.2 * seen.factor, factors.GYRO, 0.35)
+            value, said = (known.value, known.said) if known else (seen.factor, "in what unit is it?")
+            text = (
+                f"the gyro explains {100.0 * seen.explained:.0f} % of the accelerometer's turning with a factor of "
+                f"about {seen.factor:.3g}: {said}"
+            )
+            return fault("gyro-units", "likely", text, f"gyr*{value:.6g}", numbers=numbers)
         text = "factor, axes and lag of the gyro cannot be told: too little turning that the accelerometer shows"
         return note("gyro-units", text, "unknown")
     if 0.5 < one.factor < 2.0:

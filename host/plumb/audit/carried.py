@@ -18,6 +18,8 @@ WINDOW_S = 2.0
 PARTS = 4
 MOST_WINDOWS = 48
 """Those with most turning."""
+MOST_UNUSABLE = 0.3
+"""Share of clipped points: the most turning is where they are."""
 SURE_T = 4.0
 """Least mean of a difference between two candidates over windows, in standard errors."""
 
@@ -34,13 +36,14 @@ class Windows:
 
 
 def windows_of(u: FloatArray, gyr_dps: FloatArray, usable: BoolArray, step_s: float, margin: int) -> Windows | None:
-    """Windows with turning, of usable points alone, `margin` points away from the ends; None for fewer than 6."""
+    """Windows with turning, of usable points but for MOST_UNUSABLE, `margin` points away from the ends; None for
+    fewer than 6."""
     points = max(8, round(WINDOW_S / step_s))
     rate = np.radians(np.where(np.isfinite(gyr_dps), gyr_dps, 0.0))
     bad = np.concatenate([[0], np.cumsum(~usable)])
     energy = np.concatenate([[0.0], np.cumsum(np.sum((rate - np.median(rate, axis=0)) ** 2, axis=1))])
     starts = np.arange(margin, len(u) - points - margin, points // 2)
-    whole = starts[bad[starts + points + margin] == bad[starts - margin]]
+    whole = starts[bad[starts + points + margin] - bad[starts - margin] <= MOST_UNUSABLE * points]
     if len(whole) < 6:
         return None
     order = np.argsort(energy[whole] - energy[whole + points])

@@ -16,6 +16,8 @@ ENTRY_QUANTA = 6.0
 """Least fall beside a clip, within half of its length: a slow peak dwells on its last count, too."""
 MANY = 1e-3
 """Share of clipped samples from which a recording is at fault."""
+LEAST_STAY = 4.0
+"""Samples between two wraps, in the middle: a vibration at a quarter of the rate jumps between two samples, too."""
 HELD_SHARE = 0.2
 NAMES = {"gyr": "gyro", "acc": "accelerometer"}
 
@@ -39,7 +41,7 @@ def wraps(values: FloatArray, span: float) -> int:
     steps = np.diff(values)
     at = np.flatnonzero(np.abs(steps) > 0.5 * span)
     at = at[at > 0]
-    if len(at) < 2:
+    if len(at) < 2 or np.median(np.diff(at)) < LEAST_STAY:
         return 0
     around = steps[at] - span * np.sign(steps[at])
     turns = np.sign(steps[at])

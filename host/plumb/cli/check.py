@@ -1,6 +1,7 @@
 """Audit a recording of a gyro and an accelerometer by physics: units, axes, signs, clock, lags, limits, the reference.
 
     plumb check walk.csv                            what is wrong, with the number behind it and the mend
+    plumb check walk.csv --out page                 the same with plots, in page/report.html
     plumb check walk.csv --mend acc*-1              the audit after a mend by hand; repeatable
     plumb check walk.csv --as-found                 the audit after all that is sure is undone
 
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help="the recording")
     parser.add_argument("--mend", action="append", default=[], metavar="WORD", help="undo this first; repeatable")
     parser.add_argument("--as-found", action="store_true", help="undo all that is sure, say what, and audit again")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, with plots")
     options.add_json(parser)
 
 
@@ -44,10 +46,20 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.as_found:
         applied = found.sure_mends
         found = audited(arguments.file, [*arguments.mend, *applied])
+    if arguments.out:
+        from plumb.audit import page
+        from plumb.proof import report
+
+        html = report.page(
+            f"Check of {arguments.file.name}", "", verdict(found), [*page.tables(found), *page.plots(found)]
+        )
+        report.write_whole(arguments.out, {"report.html": html})
     if arguments.json:
         print(json.dumps(to_json(arguments, found, applied)))
     else:
         print("\n".join(lines(found, applied)))
+        if arguments.out:
+            print(f"report: {arguments.out / 'report.html'}")
     return ExitCode.BAD_VERDICT if found.sure_fault else ExitCode.GOOD
 
 
@@ -66,9 +78,14 @@ def lines(found: Audit, applied: list[str]) -> list[str]:
     said = [f"as found: {' '.join(applied)}"] if applied else []
     said += [f"! {one.line}" for one in found.faults]
     said += [f"  {one.line}" for one in found.findings if not one.wrong]
+    return [*said, verdict(found)]
+
+
+def verdict(found: Audit) -> str:
+    """The last line."""
     sure = sum(one.sure_fault for one in found.findings)
     if sure:
         mends = "; --as-found undoes " + " ".join(found.sure_mends) if found.sure_mends else ""
-        return [*said, f"{sure} surely wrong{mends}"]
+        return f"{sure} surely wrong{mends}"
     likely = len(found.faults)
-    return [*said, f"nothing is surely wrong, {likely} likely" if likely else "nothing is wrong"]
+    return f"nothing is surely wrong, {likely} likely" if likely else "nothing is wrong"

@@ -26,7 +26,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plumb.cli import options
+from plumb.cli import checked_file, options
 from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="rotor drag by mass, 1/s, set in estimators that use it (default: that of the airframe)",
     )
     parser.add_argument("--algorithm", action="append", metavar="NAME", help="run this one; repeatable (default: all)")
+    checked_file.add_as_found(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html and DIR/comparison.json")
     options.add_json(parser)
 
@@ -85,7 +86,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.seeds is not None and arguments.seeds < 1:
         raise UsageError(f"--seeds is 1 or more, not {arguments.seeds}")
     results, algorithms = _flown(arguments) if arguments.flights else _replayed(arguments)
-    document = page.to_json(results, algorithms)
+    document = {**page.to_json(results, algorithms), "check": getattr(arguments, "checked", {})}
     found = page.tables(results, algorithms)
     if arguments.out:
         from plumb.proof import report
@@ -109,7 +110,6 @@ def _replayed(arguments: argparse.Namespace) -> tuple[list[Compared], tuple[Cont
     from plumb.analyses.comparison.samples import motion_of
     from plumb.analyses.comparison.table import compare, of_recordings, runs
     from plumb.errors import UsageError
-    from plumb.readers import recording
 
     grades = list(dict.fromkeys(arguments.grade or [AS_RECORDED]))
     if "all" in grades:
@@ -122,7 +122,9 @@ def _replayed(arguments: argparse.Namespace) -> tuple[list[Compared], tuple[Cont
         if name not in motions.MOTIONS:
             raise UsageError(f"there is no motion '{name}'; there are {', '.join(motions.MOTIONS)}")
     algorithms = contenders(arguments.algorithm or ())
-    recorded = [motion_of(recording.load(path)) for path in dict.fromkeys(arguments.file)]
+    loaded = [checked_file.load(path, arguments.as_found) for path in dict.fromkeys(arguments.file)]
+    arguments.checked = {one.path.name: checked_file.told(found, arguments.as_found) for one, found in loaded}
+    recorded = [motion_of(one) for one, _ in loaded]
     blocks = dict.fromkeys(arguments.decimate or [1])
     inputs = [of_recordings(recorded, grade, block) for grade in grades for block in blocks] if recorded else []
     if arguments.motions:

@@ -17,7 +17,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from plumb.cli import options
+from plumb.cli import checked_file, options
 from plumb.cli.whole_numbers import whole_number
 
 PART, DEFAULT = "angles", "attitude"
@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--decimate", type=whole_number, choices=(1, 3, 6), help="means of blocks of samples (default 1: none)"
     )
+    checked_file.add_as_found(parser)
     options.add_seconds(parser, "only the first N seconds")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/angles.csv and DIR/report.html")
     options.add_json(parser)
@@ -46,8 +47,14 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.readers.replay import ReplayRequest
 
     system = options.system_with(arguments, PART)
+    loaded, checked = checked_file.load(arguments.file, arguments.as_found)
     request = ReplayRequest(
-        arguments.file, arguments.axis or "x", arguments.period_us, arguments.seconds, arguments.decimate or 1
+        arguments.file,
+        arguments.axis or "x",
+        arguments.period_us,
+        arguments.seconds,
+        arguments.decimate or 1,
+        loaded=loaded,
     )
     made = estimate(system, request)
     for sentence in made.warnings:
@@ -57,7 +64,8 @@ def main(arguments: argparse.Namespace) -> int:
         lead = f"{made.name} by {system}, {len(made.time_s)} steps of {made.period_us} us."
         html = report.page(f"Angles of {made.name}", "", lead, [*page.plots(made), *found])
         report.write_whole(arguments.out, {"angles.csv": page.csv_text(made), "report.html": html})
-    print(json.dumps(page.to_json(made)) if arguments.json else table_text.text(found))
+    as_json = {**page.to_json(made), "check": checked_file.told(checked, arguments.as_found)}
+    print(json.dumps(as_json) if arguments.json else table_text.text(found))
     if arguments.out and not arguments.json:
         print(f"every step: {arguments.out / 'angles.csv'}\nreport: {arguments.out / 'report.html'}")
     elif not arguments.json:

@@ -15,8 +15,9 @@ A recording in units (.npz, .csv) is replayed with an ideal sensor that is scale
 the model on new counts; it is no proof of what another board did with this motion. Columns are described at the top of
 plumb/readers/recording.py. It is resampled to the period; --decimate first takes the means of blocks of samples, as a
 sensor with a lower output rate does. With an optical reference, the tilt error over the samples marked as movement is
-reported. --system chooses the estimator: one axis of the sensor, which --axis selects, or its whole attitude. The page
-of a system names further file formats that it reads; of several runs in a file the longest is used.
+reported. What `plumb check` finds wrong comes first; --as-found undoes what is sure. --system chooses the estimator:
+one axis of the sensor, which --axis selects, or its whole attitude. The page of a system names further file formats
+that it reads; of several runs in a file the longest is used.
 
 Exit code 1 on a mismatch.
 """
@@ -27,7 +28,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from plumb.cli import options
+from plumb.cli import checked_file, options
 from plumb.cli.whole_numbers import whole_number
 
 PART = "replay"
@@ -50,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=(1, 3, 6),
         help="of units: means of blocks of so many samples (default 1: none)",
     )
+    checked_file.add_as_found(parser)
     options.add_log_run(parser)
     options.add_seconds(parser, "only the first N seconds")
     options.add_out(parser)
@@ -70,8 +72,8 @@ def of_log(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
     from plumb.readers import log_replay
 
-    for option in ("axis", "period_us", "decimate"):
-        if getattr(arguments, option) is not None:
+    for option in ("axis", "period_us", "decimate", "as_found"):
+        if getattr(arguments, option) not in (None, False):
             name = f"--{option.replace('_', '-')}"
             raise UsageError(f"{name} is for recordings in units: a log is replayed as it was recorded")
     require_out(arguments)
@@ -101,8 +103,14 @@ def of_units(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{wrong} is for logs: {arguments.file.name} is a recording in units")
     require_out(arguments)
     system = options.system_with(arguments, PART)
+    loaded, found = checked_file.load(arguments.file, arguments.as_found)
     request = replay.ReplayRequest(
-        arguments.file, arguments.axis or "x", arguments.period_us, arguments.seconds, arguments.decimate or 1
+        arguments.file,
+        arguments.axis or "x",
+        arguments.period_us,
+        arguments.seconds,
+        arguments.decimate or 1,
+        loaded=loaded,
     )
     prepared = replay.prepare(system, request)
     options.print_default(arguments, system, PART)
@@ -110,4 +118,5 @@ def of_units(arguments: argparse.Namespace) -> int:
         print(f"plumb: warning: {sentence}", file=sys.stderr)
     with options.board_of(arguments) as board:
         done = prepared.run(board, arguments.board, options.link_of(arguments))
-    return report(arguments, done.run, done.summary(), more=[prepared.statement])
+    summary = {**done.summary(), "check": checked_file.told(found, arguments.as_found)}
+    return report(arguments, done.run, summary, more=[prepared.statement])

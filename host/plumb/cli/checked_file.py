@@ -1,0 +1,46 @@
+"""A recording, audited before a command uses it: its faults come first, and --as-found undoes what is sure."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plumb.audit.audit import Audit
+    from plumb.readers.recording import Recording
+
+
+def add_as_found(parser: argparse.ArgumentParser) -> None:
+    """--as-found."""
+    parser.add_argument(
+        "--as-found", action="store_true", help="of units: undo what `plumb check` is sure of, and print what that was"
+    )
+
+
+def load(path: Path, as_found: bool) -> tuple[Recording, Audit]:
+    """The recording, with what is sure undone if as_found; its faults go to stderr. Raises UsageError for a file that
+    cannot be used."""
+    from plumb.audit.audited_files import audited, recording_of
+    from plumb.errors import UsageError
+
+    found = audited(path)
+    try:
+        loaded = recording_of(path, found, as_found)
+    except UsageError as error:
+        if as_found or not found.sure_mends:
+            raise
+        raise error.saying(f"{error}; --as-found undoes {' '.join(found.sure_mends)}") from None
+    for one in found.faults:
+        print(f"plumb: warning: {path.name}: {one.line}", file=sys.stderr)
+    if as_found:
+        print(f"{path.name} as found: {' '.join(found.sure_mends) or 'nothing to undo'}", file=sys.stderr)
+    elif found.sure_mends:
+        print(f"plumb: warning: {path.name}: --as-found undoes {' '.join(found.sure_mends)}", file=sys.stderr)
+    return loaded, found
+
+
+def told(found: Audit, as_found: bool) -> dict[str, object]:
+    """For JSON: what was found, and what of it is undone."""
+    return {"findings": [one.to_json() for one in found.findings], "undone": found.sure_mends if as_found else []}
