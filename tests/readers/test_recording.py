@@ -21,6 +21,7 @@ from plumb.readers.recording import G_MPS2
 from plumb.systems.quad.scenarios import TUNINGS
 from support.declared_systems import of_declared
 
+HEADED = b"time_s,gx (dps),gy (dps),gz (dps),ax (g),ay (g),az (g)\n"
 AXES = ("x", "y", "z")
 LEVEL = {"x": (0.0, 0.0, 1.0), "y": (0.0, 0.0, 1.0), "z": (0.0, 1.0, 0.0)}
 """Vertical in sensor coordinates at tilt 0 about each axis."""
@@ -232,7 +233,8 @@ def test_a_bad_recording_is_one_sentence(tmp_path: Path, change: str, sentence: 
         ("none.npz", None, "No such file"), ("noise.npz", b"\x00\x01 nothing", "damaged"),
         ("empty.npz", b"", "damaged"),
         ("photo.jpg", b"\xff\xd8", "neither"), ("empty.csv", b"", "empty"), ("binary.csv", b"\xff\xfe\x00", "CSV"),
-        ("words.csv", b"time_s,a\n1,2\n", "needs columns"), ("text.csv", b"time_s,a\nsoon,2\n", "line 2: 'soon'"),
+        ("words.csv", b"time_s,a\n1,2\n", "needs columns"),
+        ("text.csv", HEADED + b"soon,2\n", "line 2: 'soon'"),
         ("cut.npz", b"cut", "damaged"),
     ],
 )  # fmt: skip

@@ -6,6 +6,8 @@ Files
           further arrays are ignored
     .csv  one header line; time_s, gyr_{x,y,z}_radps (or _dps), acc_{x,y,z}_mps2 (or _g), optionally ref_{w,x,y,z}
           (empty or nan if missing) and movement (0 or 1); further columns are ignored
+    A table may also have the header of x-io, phyphox, AndroSensor or EuRoC, or one that names a time, a gyro
+    and an accelerometer with their units; comma, semicolon or tab, decimal commas, UTF-8 or UTF-16. Its suffix is free.
 
 One axis. With u the vertical in sensor coordinates (the reading of an accelerometer at rest, in g), the tilt about an
 axis is the angle of u in the plane perpendicular to it, and increases with a positive rotation about it:

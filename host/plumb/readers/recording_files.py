@@ -1,4 +1,4 @@
-"""Read the columns of a recording, .npz or .csv: the formats are at the top of plumb/readers/recording.py.
+"""Read the columns of a recording, .npz or a table: the formats are at the top of plumb/readers/recording.py.
 
 The readers run in a process of their own with limits (`plumb.files.bounded_reader`): a zip expands to any size, and its
 directory, its headers and its decompressors take memory that its length does not show.
@@ -20,11 +20,12 @@ import numpy as np
 from plumb.errors import UsageError
 from plumb.files import input_files
 from plumb.files.bounded_reader import MIB, Limits, pieces_of
+from plumb.readers.imu_files import text_tables
+from plumb.readers.imu_files.header_words import G_MPS2 as G_MPS2
 from plumb.spec.arrays import FloatArray
 
 Columns = dict[str, FloatArray]
 
-G_MPS2 = 9.80665
 MOST_SAMPLES = 1 << 21
 """Longest recording: two hours at 285 Hz, about one gigabyte of working memory."""
 MOST_BYTES = 256 << 20
@@ -37,29 +38,46 @@ LIMITS = Limits(cpu_s=(10.0, 10.0), memory_bytes=(1024 * MIB, 1), output_bytes=(
 read."""
 NPZ_NAMES = ("gyr", "acc", "rate_hz", "time_s", "ref_quat", "movement")
 _ADVICE = "give a recording, .npz or .csv"
+OTHERS = ("movement", *(f"ref_{c}" for c in "wxyz"))
+"""Columns of a table that are read besides time, gyro and accelerometer, by these very names."""
+_TAKEN = "taken"
 _READER = f"{__name__}:pieces"
 
 
-def read(path: Path) -> Columns:
+def read(path: Path, taken: list[str] | None = None) -> Columns:
     """gyr_dps and acc_g as gyr (N, 3) and acc (N, 3), time_s, and what else the file has; their shapes are unchecked.
-    Raises UsageError with one sentence that names the fault."""
+    The content decides on the format, not the name. taken: sentences on what was taken are added to it. Raises
+    UsageError with one sentence that names the fault."""
     input_files.check(path, MOST_BYTES, _ADVICE)
-    if path.suffix.lower() not in (".npz", ".csv"):
-        raise UsageError(f"{path} is neither .npz nor .csv; see `plumb replay --help` for the formats")
     columns: Columns = {}
     pieces = pieces_of(_READER, path, _ADVICE, LIMITS)
     for head in pieces:
         name, shape = json.loads(head)
+        if name == _TAKEN:
+            said = json.loads(next(pieces))
+            if taken is not None:
+                taken.extend(said)
+            continue
         columns[name] = np.frombuffer(next(pieces), np.float64).reshape(shape)
     return columns
 
 
 def pieces(path: Path) -> Iterator[bytes]:
     """Name and shape of each column as JSON, then its values as float64. Runs in the process of the reader."""
-    columns = _read_npz(path) if path.suffix.lower() == ".npz" else _read_csv(path)
+    taken: list[str] = []
+    columns = _read_npz(path) if _is_npz(path) else _read_csv(path, taken)
+    yield json.dumps([_TAKEN, []]).encode()
+    yield json.dumps(taken).encode()
     for name, values in columns.items():
         yield json.dumps([name, values.shape]).encode()
         yield np.ascontiguousarray(values, np.float64).tobytes()
+
+
+def _is_npz(path: Path) -> bool:
+    """A zip, or what says that it is one and is no text."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    return head.startswith(b"PK") or (path.suffix.lower() == ".npz" and (not head or b"\0" in head or b"," not in head))
 
 
 def _too_long(path: Path) -> UsageError:
@@ -102,37 +120,52 @@ def _read_npz(path: Path) -> Columns:
     return columns
 
 
-def _read_csv(path: Path) -> Columns:
-    wanted = ["time_s", "movement", *(f"ref_{c}" for c in "wxyz")]
-    wanted += [f"gyr_{c}_{u}" for c in "xyz" for u in ("radps", "dps")]
-    wanted += [f"acc_{c}_{u}" for c in "xyz" for u in ("mps2", "g")]
+def _read_csv(path: Path, taken: list[str]) -> Columns:
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = (row for row in csv.reader(_lines(path, file)) if row)
-            header = next(rows, None)
-            if header is None:
-                raise UsageError(f"{path.name} is empty")
-            if {"step", "digest"} <= set(header):
-                raise UsageError(f"{path.name} was exported from a log of a board: replay the log itself")
-            places = {name.strip(): at for at, name in enumerate(header) if name.strip() in wanted}
-            numbers = {name: array("d") for name in places}
-            for line, row in enumerate(rows, 2):
-                if line > MOST_SAMPLES + 1:
-                    raise _too_long(path)
-                for name, at in places.items():
-                    numbers[name].append(_number(path, line, name, row, at))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UsageError(f"{path.name} is no readable CSV text ({error})") from error
-    column: Columns = {name: np.array(values) for name, values in numbers.items()}
-    gyr = _axes(column, "gyr", (("radps", 180.0 / math.pi), ("dps", 1.0)))
-    acc = _axes(column, "acc", (("mps2", 1.0 / G_MPS2), ("g", 1.0)))
-    if gyr is None or acc is None or "time_s" not in column:
+        with path.open(newline="", encoding=text_tables.encoding_of(path)) as file:
+            return _table(path, _lines(path, file), taken)
+    except (OSError, UnicodeError, csv.Error) as error:
+        raise UsageError(f"{path.name} is neither .npz nor readable CSV text ({error})") from error
+
+
+def _table(path: Path, lines: Iterator[str], taken: list[str]) -> Columns:
+    layout, at_line, first = None, 0, ""
+    for at_line, text in enumerate(lines, 1):
+        if at_line <= text_tables.HEADER_LINES and (layout := text_tables.layout_of(text)):
+            break
+        first = first or text.strip()
+        if at_line > MOST_SAMPLES + 1:
+            raise _too_long(path)
+    if not first and layout is None:
+        raise UsageError(f"{path.name} is empty")
+    if {"step", "digest"} <= set(first.split(",")):
+        raise UsageError(f"{path.name} was exported from a log of a board: replay the log itself")
+    if layout is None:
         raise UsageError(f"{path.name} needs columns time_s, gyr_x_radps.. (or _dps) and acc_x_mps2.. (or _g)")
-    columns = {"time_s": column["time_s"], "gyr": gyr, "acc": acc}
+    text_tables.check_units(path, at_line, layout)
+    names = {at: f"{said.quantity}_{said.axis}" for at, said in layout.meanings.items()}
+    names |= {at: name for at, name in enumerate(layout.header) if name in OTHERS and name not in names.values()}
+    numbers = {name: array("d") for name in names.values()}
+    samples = 0
+    for row_at, text in enumerate(lines, at_line + 1):
+        if not text.strip() or text.startswith(("#", "//")):
+            continue
+        row = next(csv.reader([text], delimiter=layout.separator), [])
+        samples += 1
+        if samples > MOST_SAMPLES:
+            raise _too_long(path)
+        for at, name in names.items():
+            numbers[name].append(_number(path, row_at, layout.header[at], row, at, layout.separator))
+    factors = {names[at]: said.factor or 1.0 for at, said in layout.meanings.items()}
+    column: Columns = {name: factors.get(name, 1.0) * np.array(values) for name, values in numbers.items()}
+    columns = {"time_s": column["time_0"]}
+    columns |= {name: np.stack([column[f"{name}_{axis}"] for axis in range(3)], 1) for name in ("gyr", "acc")}
     if all(f"ref_{c}" in column for c in "wxyz"):
         columns["ref_quat"] = np.stack([column[f"ref_{c}"] for c in "wxyz"], 1)
     if "movement" in column:
         columns["movement"] = column["movement"]
+    taken.append(f"header in line {at_line}, separator {text_tables.SEPARATORS[layout.separator]}")
+    taken.extend(f"{said.quantity} from column {layout.header[at]!r}" for at, said in layout.meanings.items())
     return columns
 
 
@@ -144,19 +177,11 @@ def _lines(path: Path, file: IO[str]) -> Iterator[str]:
         yield line
 
 
-def _number(path: Path, line: int, name: str, row: list[str], at: int) -> float:
+def _number(path: Path, line: int, name: str, row: list[str], at: int, separator: str) -> float:
     text = row[at].strip() if at < len(row) else ""
     if not text:
         return math.nan
     try:
-        return float(text)
+        return text_tables.number(text, separator)
     except ValueError:
         raise UsageError(f"{path.name} line {line}: {text[:20]!r} in column {name} is no number") from None
-
-
-def _axes(column: Columns, stem: str, units: tuple[tuple[str, float], ...]) -> FloatArray | None:
-    for unit, factor in units:
-        names = [f"{stem}_{c}_{unit}" for c in "xyz"]
-        if all(name in column for name in names):
-            return factor * np.stack([column[name] for name in names], 1)
-    return None
