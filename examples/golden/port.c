@@ -52,8 +52,9 @@ static plumb_params_t table_of(const char *text) {
     plumb_params_t table;
     char *at = strchr(text, ' ');
 
-    for (size_t i = 0; i < WORDS; i++)
+    for (size_t i = 0; i < WORDS; i++) {
         words[i] = at == NULL ? 0U : (uint32_t)strtoll(at, &at, 10);
+    }
     memcpy(&table, words, sizeof table);
     return table;
 }
@@ -79,12 +80,14 @@ static bool inputs_of(char *text, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint)
 
     for (char *end = NULL; count <= PLUMB_RAW_MAX; text = end) {
         numbers[count] = strtol(text, &end, 10);
-        if (end == text)
+        if (end == text) {
             break;
+        }
         count++;
     }
-    for (size_t i = 0; i < PLUMB_RAW_MAX; i++)
+    for (size_t i = 0; i < PLUMB_RAW_MAX; i++) {
         raw[i] = i + 1U < count ? (int16_t)numbers[i] : 0;
+    }
     *setpoint = count > 0 ? (int32_t)numbers[count - 1U] : 0;
     return count > 3;
 }
@@ -118,14 +121,16 @@ int main(void) {
         int32_t setpoint;
         uint32_t digest;
         if (strcmp(kind, "refusal") == 0) {
-            if (fgets(line, sizeof line, stdin) == NULL)
+            if (fgets(line, sizeof line, stdin) == NULL) {
                 return 1;
+            }
             const plumb_params_t table = table_of(line);
             const uint32_t valid = control_params_valid(&table) ? 1U : 0U;
             digest = digest_crc32(&valid, sizeof valid);
         } else {
-            if (!read_step(raw, &setpoint))
+            if (!read_step(raw, &setpoint)) {
                 return 1;
+            }
             control_step(&control, &params, raw, setpoint);
             digest = strcmp(kind, "plausibility") == 0
                          ? plausibility(&state)

@@ -22,19 +22,23 @@ int main(void) {
     char line[4096], *at;
 
     for (size_t count = 0; fgets(line, sizeof line, stdin) != NULL;) {
-        if (strncmp(line, "kind ", 5) == 0 && strcmp(line, "kind retune\n") != 0)
+        if (strncmp(line, "kind ", 5) == 0 && strcmp(line, "kind retune\n") != 0) {
             return fputs("this port has steps and retunes alone: choose them with --vector\n", stderr), 1;
-        if (strncmp(line, "param ", 6) == 0 && count < sizeof words / sizeof words[0])
+        }
+        if (strncmp(line, "param ", 6) == 0 && count < sizeof words / sizeof words[0]) {
             words[count++] = (uint32_t)strtoll(strrchr(line, ' '), NULL, 10);
+        }
         if (strncmp(line, "steps ", 6) == 0) {
             memcpy(&params, words, sizeof params);
-            if (!plumb_quad_params_valid(&params))
+            if (!plumb_quad_params_valid(&params)) {
                 return 1;
+            }
             plumb_quad_init(&quad, &params);
         } else if (strncmp(line, "retune ", 7) == 0) {
             at = line + 7;
-            for (size_t i = 0; i < sizeof words / sizeof words[0]; i++)
+            for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
                 words[i] = (uint32_t)strtoll(at, &at, 10);
+            }
             before = params;
             memcpy(&params, words, sizeof params);
             plumb_quad_retune(&quad, &before, &params);

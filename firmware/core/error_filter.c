@@ -35,8 +35,9 @@ static inline int32_t *variance_of(plumb_error_filter_t *e, unsigned state) {
 /* Sum of the products of six, each Q32 and rounded to nearest. */
 static int32_t weighted(const int32_t by[6], const int32_t of[6]) {
     int32_t sum = 0;
-    for (unsigned i = 0; i < 6U; i++)
+    for (unsigned i = 0; i < 6U; i++) {
         add(&sum, mulhi_near(by[i], of[i]));
+    }
     return sum;
 }
 
@@ -101,16 +102,19 @@ void plumb_error_filter_grow_tilt(plumb_error_filter_t *e, unsigned axis) {
     const int32_t *const of[5] = {other, x, y, own, grown};
     int32_t *const to[5] = {&row_of(covariance, TILT + 1)[TILT], &x[TILT + axis], &y[TILT + axis],
                             &own[TILT + axis], &own[TILT + axis]};
-    for (unsigned i = 0; i < 5U; i++)
+    for (unsigned i = 0; i < 5U; i++) {
         add(to[i], weighted(coupling, of[i]));
-    for (unsigned i = 0; i < 6U; i++)
+    }
+    for (unsigned i = 0; i < 6U; i++) {
         own[i] = grown[i];
+    }
 }
 
 /* Adds to a variance that has not reached its limit; the additions are below the limit. */
 static inline void grow(int32_t *variance, int32_t by) {
-    if (*variance < VARIANCE_LIMIT_Q32)
+    if (*variance < VARIANCE_LIMIT_Q32) {
         *variance += by;
+    }
 }
 
 SMALL void plumb_error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32,
@@ -130,8 +134,9 @@ SMALL void plumb_error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_
 SMALL void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint64_t variance_q32,
                                     int32_t measured_q28) {
     int32_t *const covariance = e->covariance_q32;
-    for (unsigned i = 0; i < STATES; i++)
+    for (unsigned i = 0; i < STATES; i++) {
         e->measured_row_q32[i] = i <= at ? row_of(covariance, at)[i] : row_of(covariance, i)[at];
+    }
 
     const uint64_t exact = (uint32_t)e->measured_row_q32[at] + variance_q32;
     const unsigned coarse = hi_u64(exact) != 0U ? 4U : 0U;
@@ -156,7 +161,8 @@ SMALL void plumb_error_filter_shrink(plumb_error_filter_t *e) {
     int32_t *entry = e->covariance_q32;
     for (unsigned i = 0; i < STATES; i++) {
         const int32_t gain_q28 = e->gain_q28[i];
-        for (unsigned j = 0; j <= i; j++, entry++)
+        for (unsigned j = 0; j <= i; j++, entry++) {
             *entry = sub_wrap(*entry, times_16(mulhi_near(gain_q28, e->measured_row_q32[j])));
+        }
     }
 }

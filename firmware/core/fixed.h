@@ -157,7 +157,7 @@ static inline int32_t clamp_i32(int32_t x, int32_t low, int32_t high) {
         saturated;                                                                                           \
     })
 #else
-#define SATURATE(x, n) clamp_i32(x, -(1 << ((n)-1)), (1 << ((n)-1)) - 1)
+#define SATURATE(x, n) clamp_i32(x, -(1 << ((n) - 1)), (1 << ((n) - 1)) - 1)
 #endif
 
 static inline uint32_t min_u32(uint32_t a, uint32_t b) {
@@ -179,8 +179,9 @@ static inline unsigned clz32(uint32_t x) {
     return (unsigned)__builtin_clz(x);
 #else
     unsigned n = 0;
-    for (; !(x & 0x80000000U); x <<= 1)
+    for (; !(x & 0x80000000U); x <<= 1) {
         n++;
+    }
     return n;
 #endif
 }
@@ -235,8 +236,10 @@ KERNEL int32_t add_scaled(int32_t x, int32_t a, int32_t b, unsigned n) {
         const uint32_t below = n == 32U ? 0U : lo_u64((uint64_t)product) >> (n & 31U);
         const int32_t part = wrap_i32(n == 32U ? (uint32_t)hi : (uint32_t)hi << (32U - n) | below);
         int32_t sum;
-        if (__builtin_expect(asr32(hi, n - 1U) == asr32(hi, 31), 1) && !__builtin_add_overflow(x, part, &sum))
+        if (__builtin_expect(asr32(hi, n - 1U) == asr32(hi, 31), 1) &&
+            !__builtin_add_overflow(x, part, &sum)) {
             return sum;
+        }
     }
 #endif
     return plumb_add_scaled_far(x, product, n);

@@ -24,8 +24,9 @@ static int64_t *cell(int64_t p[FUSION_CELLS], unsigned i, unsigned j) {
 
 /* Makes state i independent of all others and sets its variance. */
 static void isolate(int64_t p[FUSION_CELLS], unsigned i, int64_t variance) {
-    for (unsigned j = 0; j < FUSION_ROWS; j++)
+    for (unsigned j = 0; j < FUSION_ROWS; j++) {
         *cell(p, i, j) = 0;
+    }
     *cell(p, i, i) = variance;
 }
 
@@ -43,16 +44,19 @@ static bool surely_bounded(const int64_t p[FUSION_CELLS]) {
 
 /* Brings every cell within its limit, because the sums of the next step rely on it for all parameters. */
 static void bound(int64_t p[FUSION_CELLS]) {
-    if (surely_bounded(p))
+    if (surely_bounded(p)) {
         return;
+    }
     for (unsigned i = 0; i < FUSION_STATES; i++) {
         const int64_t variance = *cell(p, i, i);
-        if (variance > CELL_MAX || variance < 0)
+        if (variance > CELL_MAX || variance < 0) {
             isolate(p, i, variance < 0 ? 0 : CELL_MAX);
+        }
         for (unsigned j = i + 1U; j < FUSION_ROWS; j++) {
             const int64_t limit = j == FUSION_ANGLE ? ANGLE_MAX : CELL_MAX, both = *cell(p, j, i);
-            if (within_i64(both, limit) != both)
+            if (within_i64(both, limit) != both) {
                 *cell(p, j, i) = 0;
+            }
         }
     }
 }
@@ -66,8 +70,9 @@ static void couple(int64_t p[FUSION_CELLS], unsigned i, unsigned k, unsigned shi
         if (twice == 0U) {
             for (unsigned j = 0; j < FUSION_ROWS; j++) {
                 const int64_t other = asr64(*cell(p, k, j), shift);
-                if (j != i)
+                if (j != i) {
                     *cell(p, i, j) += negate ? -other : other;
+                }
             }
         }
     }
@@ -84,8 +89,9 @@ void plumb_fusion_predict(int64_t p[FUSION_CELLS], const fusion_predict_t *step,
         couple(p, FUSION_DIFFERENCE, FUSION_RATE, 0, false);
         couple(p, FUSION_DIFFERENCE, FUSION_GYRO_BIAS, 0, false);
     }
-    if (step->angular)
+    if (step->angular) {
         couple(p, FUSION_RATE, FUSION_ANGULAR_BIAS, 2, true);
+    }
     *cell(p, FUSION_RATE, FUSION_RATE) += (int64_t)step->rate_q64;
     *cell(p, FUSION_GYRO_BIAS, FUSION_GYRO_BIAS) += (int64_t)step->gyro_bias_q64;
     *cell(p, FUSION_ANGULAR_BIAS, FUSION_ANGULAR_BIAS) += (int64_t)step->angular_bias_q64;
@@ -93,17 +99,19 @@ void plumb_fusion_predict(int64_t p[FUSION_CELLS], const fusion_predict_t *step,
 }
 
 int64_t plumb_fusion_project_rate(int64_t p[FUSION_CELLS], int32_t age_q24, int64_t u_q64[FUSION_ROWS]) {
-    for (unsigned i = 0; i < FUSION_ROWS; i++)
+    for (unsigned i = 0; i < FUSION_ROWS; i++) {
         u_q64[i] = *cell(p, i, FUSION_RATE) + *cell(p, i, FUSION_GYRO_BIAS) +
                    mul_shift(*cell(p, i, FUSION_ANGULAR_BIAS), age_q24, 26);
+    }
     const int64_t all =
         u_q64[FUSION_RATE] + u_q64[FUSION_GYRO_BIAS] + mul_shift(u_q64[FUSION_ANGULAR_BIAS], age_q24, 26);
     return all < 0 ? 0 : all;
 }
 
 int64_t plumb_fusion_project_state(int64_t p[FUSION_CELLS], unsigned state, int64_t u_q64[FUSION_ROWS]) {
-    for (unsigned i = 0; i < FUSION_ROWS; i++)
+    for (unsigned i = 0; i < FUSION_ROWS; i++) {
         u_q64[i] = *cell(p, i, state);
+    }
     return u_q64[state];
 }
 
@@ -119,17 +127,21 @@ static int32_t ratio(int64_t u, uint32_t y_q61, unsigned shift) {
 
 void plumb_fusion_gains(const int64_t u_q64[FUSION_ROWS], int64_t s_q64, int32_t gain_q28[FUSION_ROWS]) {
     const fusion_inverse_t y = plumb_fusion_inverse(s_q64);
-    for (unsigned i = 0; i < FUSION_ROWS; i++)
+    for (unsigned i = 0; i < FUSION_ROWS; i++) {
         gain_q28[i] = clamp_i32(ratio(u_q64[i], y.y_q61, y.exponent + 2U), -GAIN_MAX, GAIN_MAX);
+    }
 }
 
 void plumb_fusion_update(int64_t p[FUSION_CELLS], const int32_t gain_q28[FUSION_ROWS],
                          const int64_t u_q64[FUSION_ROWS]) {
-    for (unsigned i = 0; i < FUSION_ROWS; i++)
-        for (unsigned j = 0; j <= i && j < FUSION_STATES; j++)
+    for (unsigned i = 0; i < FUSION_ROWS; i++) {
+        for (unsigned j = 0; j <= i && j < FUSION_STATES; j++) {
             if (u_q64[j] != 0 &&
-                gain_q28[i] != 0) /* a layer without a difference has a row and a column of zeros */
+                gain_q28[i] != 0) { /* a layer without a difference has a row and a column of zeros */
                 p[FUSION_CELL(i, j)] -= mul_shift(u_q64[j], gain_q28[i], 28);
+            }
+        }
+    }
     bound(p);
 }
 

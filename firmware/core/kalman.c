@@ -17,8 +17,9 @@ SELDOM_CALLED bool plumb_kalman_valid(const plumb_kalman_params_t *p, const plum
     const int64_t p00 = wrap_i64(make_u64(s->p00_hi, s->p00_lo));
     const int64_t p01 = make_i64(s->p01_hi, s->p01_lo);
     const int64_t p11 = wrap_i64(make_u64(s->p11_hi, s->p11_lo));
-    if (p->rate_shift < 1U || p->rate_shift > 16U || p->bias_max_turn_q29 < 0)
+    if (p->rate_shift < 1U || p->rate_shift > 16U || p->bias_max_turn_q29 < 0) {
         return false;
+    }
     /* the published bias: its upper word after the shift within 2^30, and 1 turn/s */
     const uint64_t bias = (uint64_t)((uint32_t)p->bias_max_turn_q29 + 1U) << p->rate_shift;
     return p->dt_s_q33 >= 1 && p->rate_now <= 2U && p->rate_gain >= 1 << 30 && bias <= 1U << 30 &&

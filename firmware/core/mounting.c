@@ -12,8 +12,10 @@
 static int32_t component(int32_t m0, int32_t m1, int32_t m2, const int32_t v[3], bool *within) {
     const int64_t sum_q58 = mul_i64(m0, v[0]) + mul_i64(m1, v[1]) + mul_i64(m2, v[2]) + HALF_Q30;
     const int64_t exact = asr64(sum_q58, 30);
-    if ((uint32_t)hi_i64(sum_q58) + LIMIT_Q26 < 2U * LIMIT_Q26) /* surely within: one comparison of 32 bits */
+    if ((uint32_t)hi_i64(sum_q58) + LIMIT_Q26 <
+        2U * LIMIT_Q26) { /* surely within: one comparison of 32 bits */
         return (int32_t)exact;
+    }
     if (exact > PLUMB_CALIBRATION_LIMIT || exact < -PLUMB_CALIBRATION_LIMIT) {
         *within = false;
         return exact > 0 ? (int32_t)PLUMB_CALIBRATION_LIMIT : -(int32_t)PLUMB_CALIBRATION_LIMIT;

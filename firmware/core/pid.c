@@ -12,8 +12,9 @@ SELDOM_CALLED static int32_t direct_part(const plumb_pid_t *c, const plumb_pid_p
 SELDOM_CALLED void plumb_pid_retune(plumb_pid_t *c, const plumb_pid_params_t *from,
                                     const plumb_pid_params_t *to) {
     const int64_t upper = (int64_t)hi_i64(c->integral_q54) + direct_part(c, from) - direct_part(c, to);
-    if (to->ki_dt_q22 != 0)
+    if (to->ki_dt_q22 != 0) {
         c->integral_q54 = make_i64(SATURATE(sat_i32(upper), 24), lo_u64((uint64_t)c->integral_q54));
+    }
 }
 
 SELDOM_CALLED bool plumb_pid_valid(const plumb_pid_params_t *p) {

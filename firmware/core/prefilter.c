@@ -15,10 +15,12 @@ SELDOM_CALLED void plumb_prefilter_init(plumb_prefilter_t *f) {
 static uint32_t presence(const plumb_calibration_params_t *calibration, const int32_t raw[3]) {
     uint32_t result = PLUMB_PREFILTER_SAMPLE;
     for (unsigned i = 0; i < 3U; i++) {
-        if (raw[i] == PLUMB_PREFILTER_NO_SAMPLE)
+        if (raw[i] == PLUMB_PREFILTER_NO_SAMPLE) {
             return 0;
-        if (calibration_clamp(calibration, raw[i]) != raw[i])
+        }
+        if (calibration_clamp(calibration, raw[i]) != raw[i]) {
             result = PLUMB_PREFILTER_SATURATED;
+        }
     }
     return result;
 }

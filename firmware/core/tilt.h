@@ -10,8 +10,9 @@
 #define TILT_ONE_G2_Q20 (1L << 20)
 
 KERNEL int32_t tilt_angle(const plumb_tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
-    if (p->mode == PLUMB_TILT_ARCSINE)
+    if (p->mode == PLUMB_TILT_ARCSINE) {
         return angle_asin(clamp_i32(accel_y_g_q26, -TILT_ONE_G_Q26, TILT_ONE_G_Q26) * 16);
+    }
     return angle_atan2(accel_y_g_q26, accel_z_g_q26);
 }
 

@@ -52,12 +52,14 @@ void plumb_design_axis(plumb_design_t *d, const design_axis_t *t, plumb_params_t
         .p01_name = "start.p01_deg2_per_s",
         .p11_name = "start.p11_dps2",
     };
-    if (f.trust.gain_deg2 == 0.0)
+    if (f.trust.gain_deg2 == 0.0) {
         f.trust.r_max_deg2 = f.trust.r_deg2;
+    }
     plumb_design_choice(d, "tilt", t->tilt, PLUMB_TUNING_ATAN2);
     plumb_design_filter_check(d, &f, t->period_us);
-    if (d->error != PLUMB_DESIGN_OK)
+    if (d->error != PLUMB_DESIGN_OK) {
         return;
+    }
     design_filter_words_t words = {.tilt = {.mode = (uint32_t)t->tilt}};
     wide_t unit_deg2 = wide_of(0.0);
     plumb_design_filter(d, &f, t->period_us, &unit_deg2, &words);

@@ -40,8 +40,9 @@ static void variances(variance_t v[VARIANCES], const design_filter_t *f, int32_t
         {f->p01_name, s->p01_deg2_per_s, per_step(s->p01_deg2_per_s, period_us, 1)},
         {f->p11_name, s->p11_dps2, per_step(s->p11_dps2, period_us, 2)},
     };
-    for (int i = 0; i < VARIANCES; i++)
+    for (int i = 0; i < VARIANCES; i++) {
         v[i] = all[i];
+    }
 }
 
 void plumb_design_filter_check(plumb_design_t *d, const design_filter_t *f, int32_t period_us) {
@@ -53,33 +54,41 @@ void plumb_design_filter_check(plumb_design_t *d, const design_filter_t *f, int3
     plumb_design_not_negative(d, f->p00_name, s->p00_deg2);
     plumb_design_not_negative(d, f->p11_name, s->p11_dps2);
     plumb_design_not_negative(d, f->gain_name, f->trust.gain_deg2);
-    if (f->trust.r_deg2 <= 0.0)
+    if (f->trust.r_deg2 <= 0.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, f->r_name, f->trust.r_deg2, 1e-100, 1e100);
-    if (f->trust.gain_deg2 != 0.0 && f->trust.r_max_deg2 < f->trust.r_deg2)
+    }
+    if (f->trust.gain_deg2 != 0.0 && f->trust.r_max_deg2 < f->trust.r_deg2) {
         plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->r_max_name, f->trust.r_max_deg2, f->trust.r_deg2,
                             DESIGN_NO_LIMIT);
+    }
     const double p00 = plumb_design_bounded(s->p00_deg2), p01 = plumb_design_bounded(s->p01_deg2_per_s);
     const double p11 = plumb_design_bounded(s->p11_dps2),
                  product = plumb_design_root(p00) * plumb_design_root(p11);
     const double reach = p00 / ((double)period_us * 1e-6), quarter = f->q_angle_deg2_per_s / 4.0;
     const double lowest = reach < product ? reach : product, highest = quarter < lowest ? quarter : lowest;
     if (wide_compare(wide_product(p01, p01), wide_product(p00, p11)) > 0 || p01 < -reach || p01 > reach ||
-        p01 > quarter)
+        p01 > quarter) {
         plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->p01_name, s->p01_deg2_per_s, -lowest, highest);
-    if (f->bias_max_dps >= 360.0)
+    }
+    if (f->bias_max_dps >= 360.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, f->bias_max_name, f->bias_max_dps, 0.0, 360.0);
-    if (s->bias_dps > f->bias_max_dps || -s->bias_dps > f->bias_max_dps)
+    }
+    if (s->bias_dps > f->bias_max_dps || -s->bias_dps > f->bias_max_dps) {
         plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->bias_name, s->bias_dps, -f->bias_max_dps,
                             f->bias_max_dps);
-    if (f->trust.r_deg2 < 1e-100 || f->trust.r_deg2 > 1e100) /* where bounded variances lose their ratio */
+    }
+    if (f->trust.r_deg2 < 1e-100 || f->trust.r_deg2 > 1e100) { /* where bounded variances lose their ratio */
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, f->r_name, f->trust.r_deg2, 1e-100, 1e100);
+    }
 }
 
 static int64_t square_root(int64_t x) {
     int64_t root = 0;
-    for (int64_t bit = (int64_t)1 << 31; bit != 0; bit >>= 1)
-        if ((root + bit) <= x / (root + bit))
+    for (int64_t bit = (int64_t)1 << 31; bit != 0; bit >>= 1) {
+        if ((root + bit) <= x / (root + bit)) {
             root += bit;
+        }
+    }
     return root;
 }
 
@@ -87,8 +96,9 @@ static int64_t square_root(int64_t x) {
  * far as 32 bits and the resolution of r_gain allow. */
 static void gain_words(plumb_design_t *d, const design_filter_t *f, wide_t unit, plumb_tilt_params_t *words) {
     words->r_gain = words->deviation_max = words->deviation_shift = 0;
-    if (f->trust.gain_deg2 == 0.0)
+    if (f->trust.gain_deg2 == 0.0) {
         return;
+    }
     const wide_t gain =
         wide_div(wide_of(plumb_design_bounded(f->trust.gain_deg2)), wide_mul(unit, wide_of(0x1p32)));
     const wide_t reach = wide_div(wide_of(((double)words->r_max - (double)words->r_base) * 0x1p40), gain);
@@ -98,16 +108,19 @@ static void gain_words(plumb_design_t *d, const design_filter_t *f, wide_t unit,
     int64_t most = square_root(square) + 2;
     most = most > DESIGN_WORD_MAX ? DESIGN_WORD_MAX : most;
     int length = 0;
-    while (most >> length != 0)
+    while (most >> length != 0) {
         length++;
+    }
     int shift = 32 - length > 31 ? 31 : 32 - length;
     wide_t exact;
     double scale = 16777216.0; /* 2^(24 - 2 shift) */
-    for (int i = 0; i < shift; i++)
+    for (int i = 0; i < shift; i++) {
         scale /= 4.0;
+    }
     for (; exact = wide_mul(gain, wide_of(scale)), shift > 0 && wide_compare(exact, wide_of(2000.0)) <= 0;
-         shift--)
+         shift--) {
         scale *= 4.0;
+    }
     words->r_gain = (uint32_t)plumb_design_whole(d, f->gain_name, f->trust.gain_deg2, exact, 0, 4294967295);
     words->deviation_max = (uint32_t)most;
     words->deviation_shift = (uint32_t)shift;
@@ -162,8 +175,9 @@ static void find_unit(plumb_design_t *d, const design_filter_t *f, const varianc
     wide_t finest = wide_of(0.0);
     for (int i = R_LEFT_OUT; i < VARIANCES; i++) {
         const wide_t one = wide_div(wide_abs(v[i].deg2), wide_of(limit[i]));
-        if (wide_compare(one, finest) > 0)
+        if (wide_compare(one, finest) > 0) {
             finest = one;
+        }
     }
     const wide_t r_most = wide_div(v[R].deg2, wide_mul(finest, wide_of(0x1p32)));
     const wide_t most = wide_div(wide_mul(r_most, wide_of(2001.0)), wide_of(2000.0));
@@ -181,10 +195,12 @@ static void find_unit(plumb_design_t *d, const design_filter_t *f, const varianc
         *unit = try_finest && i == whole ? finest : wide_div(v[R].deg2, wide_of((double)i * 0x1p32));
         plumb_design_t trial = PLUMB_DESIGN_NONE_REFUSED;
         in_unit(&trial, f, v, *unit, w);
-        if (trial.error == PLUMB_DESIGN_OK)
+        if (trial.error == PLUMB_DESIGN_OK) {
             return;
-        if (first.error == PLUMB_DESIGN_OK)
+        }
+        if (first.error == PLUMB_DESIGN_OK) {
             first = trial;
+        }
     }
     plumb_design_refuse(d, first.error, first.field, first.asked, first.least, first.most);
 }
@@ -193,10 +209,11 @@ void plumb_design_filter(plumb_design_t *d, const design_filter_t *f, int32_t pe
                          design_filter_words_t *words) {
     variance_t v[VARIANCES];
     variances(v, f, period_us);
-    if (unit_deg2->hi == 0.0)
+    if (unit_deg2->hi == 0.0) {
         find_unit(d, f, v, unit_deg2, words);
-    else
+    } else {
         in_unit(d, f, v, *unit_deg2, words);
+    }
     d->lsb_deg2 = unit_deg2->hi + unit_deg2->lo;
 
     const wide_t dt_deg = wide_div(wide_of((double)period_us), wide_of(360e6)); /* turn per step of 1 deg/s */
@@ -208,8 +225,9 @@ void plumb_design_filter(plumb_design_t *d, const design_filter_t *f, int32_t pe
     words->kalman.bias_max_turn_q29 = (int32_t)plumb_design_scaled(
         d, f->bias_max_name, f->bias_max_dps, wide_mul(dt_deg, wide_of(0x1p29)), 0, HALF_TURN - 1);
     uint32_t shift = 0;
-    while (1000000 / period_us >> shift != 0)
+    while (1000000 / period_us >> shift != 0) {
         shift++;
+    }
     const int64_t gain = wide_round(
         wide_div(wide_of(1e6 * (double)((int64_t)1 << (31U - shift))), wide_of((double)period_us)));
     words->kalman.rate_gain = (int32_t)(gain > DESIGN_WORD_MAX ? DESIGN_WORD_MAX : gain);

@@ -8,8 +8,9 @@ static double absolute(double x) {
 
 void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const char *field, double asked,
                          double least, double most) {
-    if (d->error != PLUMB_DESIGN_OK)
+    if (d->error != PLUMB_DESIGN_OK) {
         return;
+    }
     d->error = error;
     d->field = field;
     d->asked = asked;
@@ -20,44 +21,54 @@ void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const ch
 /* Scaled by powers of 4 to [1, 4), where four steps of Newton from (1 + x) / 2 reach the last bit. */
 double plumb_design_root(double x) {
     double scale = 1.0;
-    if (!(x > 0.0))
+    if (!(x > 0.0)) {
         return 0.0;
-    for (; x >= 4.0; x *= 0.25)
+    }
+    for (; x >= 4.0; x *= 0.25) {
         scale *= 2.0;
-    for (; x < 1.0; x *= 4.0)
+    }
+    for (; x < 1.0; x *= 4.0) {
         scale *= 0.5;
+    }
     double root = 0.5 + 0.5 * x;
-    for (int i = 0; i < 5; i++)
+    for (int i = 0; i < 5; i++) {
         root = 0.5 * (root + x / root);
+    }
     return root * scale;
 }
 
 void plumb_design_finite(plumb_design_t *d, const char *field, double x) {
-    if (!(x - x == 0.0)) /* inf - inf and NaN - NaN are NaN, which equals no number */
+    if (!(x - x == 0.0)) { /* inf - inf and NaN - NaN are NaN, which equals no number */
         plumb_design_refuse(d, PLUMB_DESIGN_NOT_FINITE, field, x, -DESIGN_NO_LIMIT, DESIGN_NO_LIMIT);
+    }
 }
 
 void plumb_design_not_negative(plumb_design_t *d, const char *field, double x) {
-    if (x < 0.0)
+    if (x < 0.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_NEGATIVE, field, x, 0.0, DESIGN_NO_LIMIT);
+    }
 }
 
 void plumb_design_choice(plumb_design_t *d, const char *field, int32_t x, int32_t last) {
-    if (x < 0 || x > last)
+    if (x < 0 || x > last) {
         plumb_design_refuse(d, PLUMB_DESIGN_NO_CHOICE, field, (double)x, 0.0, (double)last);
+    }
 }
 
 void plumb_design_period(plumb_design_t *d, int32_t period_us) {
-    if (period_us < 500 || period_us > 100000)
+    if (period_us < 500 || period_us > 100000) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "period_us", (double)period_us, 500.0, 1e5);
+    }
 }
 
 double plumb_design_bounded(double x) {
     const double most = 0x1p400, least = 0x1p-400;
-    if (x > most || x < -most)
+    if (x > most || x < -most) {
         return x > 0.0 ? most : -most;
-    if (x != 0.0 && x < least && x > -least)
+    }
+    if (x != 0.0 && x < least && x > -least) {
         return x > 0.0 ? least : -least;
+    }
     return x;
 }
 
@@ -71,14 +82,15 @@ static void refuse_integer(plumb_design_t *d, const char *field, double asked, w
     const double step = plumb_design_bounded(asked) / exact.hi, one = step * (double)low,
                  other = step * (double)high, coarse = 500.0 * absolute(step);
     const double least = one < other ? one : other, most = one < other ? other : one;
-    if (wide_compare(exact, wide_of_int(high)) > 0)
+    if (wide_compare(exact, wide_of_int(high)) > 0) {
         plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, field, asked, least, most);
-    else if (wide_compare(exact, wide_of_int(low)) < 0 && low != 1)
+    } else if (wide_compare(exact, wide_of_int(low)) < 0 && low != 1) {
         plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, field, asked, least, most);
-    else if (asked > 0.0)
+    } else if (asked > 0.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_TOO_FINE, field, asked, coarse, most);
-    else
+    } else {
         plumb_design_refuse(d, PLUMB_DESIGN_TOO_FINE, field, asked, least, -coarse);
+    }
 }
 
 int64_t plumb_design_whole(plumb_design_t *d, const char *field, double asked, wide_t exact, int64_t low,
@@ -86,8 +98,9 @@ int64_t plumb_design_whole(plumb_design_t *d, const char *field, double asked, w
     int64_t nearest = wide_round(exact);
     nearest = nearest < low ? low : nearest > high ? high : nearest;
     const wide_t beside = wide_mul(wide_abs(wide_sub(wide_of_int(nearest), exact)), wide_of(1000.0));
-    if (wide_compare(beside, wide_abs(exact)) > 0)
+    if (wide_compare(beside, wide_abs(exact)) > 0) {
         refuse_integer(d, field, asked, exact, low, high);
+    }
     return nearest;
 }
 
@@ -102,17 +115,21 @@ int64_t plumb_design_scaled(plumb_design_t *d, const char *field, double asked, 
  * last step and product round by 3 u; e (2 - e) rounds by 2 u and passes on (2 - 2 e) / (2 - e) <= 1 of the
  * error of e; n <= 9. Together 21 u, below 2^-48. Beyond 40 the rest is below u. */
 double plumb_design_share(double x) {
-    if (x > 40.0)
+    if (x > 40.0) {
         return 1.0;
+    }
     int n = 0;
-    for (; x > 0.125; x *= 0.5)
+    for (; x > 0.125; x *= 0.5) {
         n++;
+    }
     double e = 1.0;
-    for (int k = 12; k >= 2; k--)
+    for (int k = 12; k >= 2; k--) {
         e = 1.0 - x / (double)k * e;
+    }
     e *= x;
-    for (; n > 0; n--)
+    for (; n > 0; n--) {
         e *= 2.0 - e;
+    }
     return e;
 }
 
@@ -121,9 +138,10 @@ int32_t plumb_design_filter_q31(plumb_design_t *d, const char *field, double tau
     plumb_design_not_negative(d, field, tau_s);
     *share = tau_s > 0.0 ? plumb_design_share((double)period_us / 1e6 / tau_s) : 1.0;
     const double exact = *share * 2147483648.0;
-    if (exact < 500.0)
+    if (exact < 500.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, field, tau_s, 0.0,
                             (double)period_us / 1e6 * 0x1p31 / 500.0);
+    }
     return (int32_t)plumb_design_whole(d, field, tau_s, wide_of(exact), 0, DESIGN_WORD_MAX);
 }
 
@@ -139,13 +157,16 @@ void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names
                           const plumb_channel_tuning_t *channel, wide_t unit,
                           plumb_calibration_params_t *words) {
     const int32_t low = channel->min_counts, high = channel->max_counts;
-    if (high < -32768 || high > 32767)
+    if (high < -32768 || high > 32767) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->max_counts, (double)high, -32768.0, 32767.0);
-    if (low < -32768 || low > high)
+    }
+    if (low < -32768 || low > high) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->min_counts, (double)low, -32768.0,
                             (double)high);
-    if (d->error != PLUMB_DESIGN_OK)
+    }
+    if (d->error != PLUMB_DESIGN_OK) {
         return;
+    }
     const int64_t most = DESIGN_WORD_MAX;
     const int64_t gain =
         plumb_design_scaled(d, names->unit_per_count, channel->unit_per_count, unit, -most, most);
@@ -173,9 +194,10 @@ void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t 
     double share;
     words->d_alpha_q31 =
         plumb_design_filter_q31(d, "pid.derivative_tau_s", pid->derivative_tau_s, period_us, &share);
-    if (pid->slew_per_s <= 0.0)
+    if (pid->slew_per_s <= 0.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "pid.slew_per_s", pid->slew_per_s, 0.0,
                             DESIGN_NO_LIMIT);
+    }
     words->kp_q22 = (int32_t)plumb_design_scaled(d, "pid.kp_per_deg", pid->kp_per_deg,
                                                  wide_of(360.0 * 0x1p22), -limit, limit);
     words->ki_dt_q22 =

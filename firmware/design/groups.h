@@ -19,8 +19,7 @@
 /* The finite members of *t, in the order in which they are checked; the name is the member's path. */
 #define DESIGN_FINITE(design, t, member) plumb_design_finite(design, #member, (t)->member)
 
-#define PLUMB_DESIGN_NONE_REFUSED                                                                            \
-    { PLUMB_DESIGN_OK, NULL, 0.0, 0.0, 0.0, 0.0 }
+#define PLUMB_DESIGN_NONE_REFUSED {PLUMB_DESIGN_OK, NULL, 0.0, 0.0, 0.0, 0.0}
 
 /* Record a refusal, if it is the first. least, most: what the setting may be while the others stay. */
 void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const char *field, double asked,
@@ -72,7 +71,7 @@ typedef struct {
 } design_channel_names_t;
 
 #define DESIGN_CHANNEL_NAMES(path)                                                                           \
-    { path ".min_counts", path ".max_counts", path ".zero_counts", path ".unit_per_count" }
+    {path ".min_counts", path ".max_counts", path ".zero_counts", path ".unit_per_count"}
 
 /* unit: integer units per engineering unit. */
 void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names,

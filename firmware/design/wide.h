@@ -93,13 +93,15 @@ static inline wide_t wide_of_int(int64_t x) {
 static inline int64_t wide_floor(wide_t a, wide_t *fraction) {
     const double limit = 4611686018427387904.0; /* 2^62 */
     *fraction = wide_of(0.0);
-    if (a.hi > limit || a.hi < -limit) /* at the limit itself lo counts */
+    if (a.hi > limit || a.hi < -limit) { /* at the limit itself lo counts */
         return a.hi > 0.0 ? (int64_t)1 << 62 : -((int64_t)1 << 62);
+    }
     const int64_t i = (int64_t)a.hi, j = (int64_t)a.lo;
     const wide_t rest = wide_sum(a.hi - (double)i, a.lo - (double)j); /* above -2, below 2 */
     int64_t k = -2;
-    while (wide_compare(rest, wide_of((double)(k + 1))) >= 0)
+    while (wide_compare(rest, wide_of((double)(k + 1))) >= 0) {
         k++;
+    }
     *fraction = wide_sub(rest, wide_of((double)k));
     return i + j + k;
 }

@@ -17,8 +17,9 @@ int32_t plumb_angle_asin(int32_t x_q30) {
 int32_t plumb_calibration_apply(const plumb_calibration_params_t *p, int32_t raw, bool *clamped) {
     uint32_t flags = 0;
     const int32_t value = calibration_apply(p, raw, &flags, 1U);
-    if (flags != 0U)
+    if (flags != 0U) {
         *clamped = true;
+    }
     return value;
 }
 

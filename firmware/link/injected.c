@@ -54,11 +54,11 @@ static bool too_far(unsigned ahead, uint32_t period_us, uint32_t since_us) {
 }
 
 bool injected_counts(injected_t *in, unsigned number, uint32_t period_us, uint32_t now_us, uint16_t *lost) {
-    const uint32_t since_us = now_us - in->heard_us;
+    const uint32_t since_us = now_us - in->received_us;
     const bool goes_on = in->begun && since_us <= silence_us(period_us);
     const unsigned ahead = ahead_of_last(in, number);
 
-    in->heard_us = now_us;
+    in->received_us = now_us;
     *lost = 0;
     if (goes_on && too_far(ahead, period_us, since_us)) {
         return false;

@@ -17,16 +17,16 @@
 #define INJECTED_NUMBERS 64U
 
 typedef struct {
-    uint8_t *marks;      /* INJECTED_NUMBERS: a hash of the counts that came last with each number */
-    bool begun;          /* a sample has come, and its source has not been silent since */
-    bool silent;         /* no new sample for too long, or none at all */
-    bool lossy;          /* more than 25 % of the last 250 ms were lost */
-    uint8_t number;      /* of the last sample that counted */
-    uint8_t repeats;     /* samples in a row whose counts were those of 64 numbers ago */
-    uint32_t heard_us;   /* arrival of the last sample, whether it counted or not */
-    uint32_t counted_us; /* arrival of the last one that counted */
-    uint32_t share_us;   /* when the present 125 ms began */
-    uint16_t came, lost; /* samples in them, by number */
+    uint8_t *marks;       /* INJECTED_NUMBERS: a hash of the counts that came last with each number */
+    bool begun;           /* a sample has come, and its source has not been silent since */
+    bool silent;          /* no new sample for too long, or none at all */
+    bool lossy;           /* more than 25 % of the last 250 ms were lost */
+    uint8_t number;       /* of the last sample that counted */
+    uint8_t repeats;      /* samples in a row whose counts were those of 64 numbers ago */
+    uint32_t received_us; /* arrival of the last sample, whether it counted or not */
+    uint32_t counted_us;  /* arrival of the last one that counted */
+    uint32_t share_us;    /* when the present 125 ms began */
+    uint16_t came, lost;  /* samples in them, by number */
     uint16_t came_before, lost_before; /* in the 125 ms before */
     uint16_t railed, stuck;            /* one bit a channel */
     watch_t watches[CONTROL_COUNTS_MAX];

@@ -1,5 +1,5 @@
 /* Nonce: permits one command that changes state, on one link. It is valid once, for the verb it was requested
- * for, within NONCE_LIFE_US, for the host that asked: on a bus others hear the nonce, too, and may take it
+ * for, within NONCE_LIFE_US, for the host that asked: on a bus others receive the nonce, too, and may take it
  * for the answer to their own question. Time is an argument, in us of the board's clock; differences are
  * taken modulo 2^32. */
 #ifndef PLUMB_LINK_NONCE_H

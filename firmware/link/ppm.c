@@ -18,9 +18,9 @@ static void edge(ppm_t *p, uint16_t stamp_us) {
 bool ppm_follow(ppm_t *p, const uint16_t *stamps_us, size_t count, uint32_t now_us) {
     for (size_t i = 0; i < count; i++) {
         edge(p, stamps_us[i]);
-        p->heard_us = now_us;
+        p->received_us = now_us;
     }
-    if (count > 0U || now_us - p->heard_us <= PPM_PAUSE_US) {
+    if (count > 0U || now_us - p->received_us <= PPM_PAUSE_US) {
         return false;
     }
     const bool whole = p->edges == WHOLE;

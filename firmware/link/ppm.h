@@ -20,7 +20,7 @@
 typedef struct {
     uint8_t edges; /* of the frame under way, PPM_CHANNELS + 2: too many, or a wrong time between two */
     uint16_t last_us;
-    uint32_t heard_us; /* the newest edge, by the board's clock */
+    uint32_t received_us; /* the newest edge, by the board's clock */
     uint16_t pulse_us[PPM_CHANNELS];
 } ppm_t;
 

@@ -12,7 +12,7 @@
 #include "systems/control.h"
 
 /* What is missing on the side of a pilot's receiver: bits of PLAUSIBILITY.missing beside PLUMB_TAKEOFF_. */
-#define READINESS_RECEIVER  0x0020U /* it is lost, or was never heard */
+#define READINESS_RECEIVER  0x0020U /* no frame of it comes */
 #define READINESS_SWITCH_ON 0x0040U /* the motors are switched on: they have to be switched off first */
 #define READINESS_LOCKED    0x0080U /* the arm switch of the board is closed, which is its lock */
 #define READINESS_RAW       0x0400U /* the sensors were never calibrated */

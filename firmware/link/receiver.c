@@ -47,7 +47,7 @@ static void follow_gesture(receiver_t *r, uint32_t now_us) {
     const int32_t left = r->words[WORD_YAW];
     const bool asked = receiver_rotors_on(r) ? left >= GESTURE_YAW : left <= -GESTURE_YAW;
 
-    const bool anew = r->silent || now_us - r->heard_us > RECEIVER_SILENCE_US;
+    const bool anew = r->silent || now_us - r->received_us > RECEIVER_SILENCE_US;
 
     if (!asked || r->throttle_q15 > GESTURE_LOW || anew) {
         r->gesture_us = now_us;
@@ -85,7 +85,7 @@ static void take_frame(receiver_t *r, const int16_t channels[USED], uint32_t now
     }
     r->number = (uint8_t)(r->number % UINT8_MAX + 1U);
     take_sticks(r, channels, now_us);
-    r->heard_us = now_us;
+    r->received_us = now_us;
     r->silent = false;
     r->words[WORD_RECEIVER] = r->number;
 }
@@ -98,8 +98,8 @@ bool receiver_rotors_off(const receiver_t *r) {
     return r->off >= RECEIVER_EQUAL;
 }
 
-bool receiver_heard(receiver_t *r, uint32_t now_us) {
-    r->silent = r->silent || now_us - r->heard_us > RECEIVER_SILENCE_US;
+bool receiver_present(receiver_t *r, uint32_t now_us) {
+    r->silent = r->silent || now_us - r->received_us > RECEIVER_SILENCE_US;
     if (r->number != 0U && !r->silent && !r->lost) {
         return true;
     }

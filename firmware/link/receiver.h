@@ -15,7 +15,7 @@
  * The commands are those that a system with `command_source = "receiver"` declares first. While the link
  * quality is 0, frames count as missing, and sticks and switches stay as they are: what a receiver makes up
  * then moves nothing. How long ago the last frame came is counted within the step, from the number of the
- * frame; what may be armed asks receiver_heard(), which knows the time.
+ * frame; what may be armed asks receiver_present(), which knows the time.
  *
  * Of a pulse train 988, 1500 and 2012 us are what 172, 992 and 1811 are of CRSF, and the link quality is 0
  * while the throttle is below RECEIVER_LOST_US.
@@ -51,13 +51,13 @@ typedef struct {
     int16_t words[RECEIVER_WORDS];    /* roll, pitch, yaw, Q15; switches; number of the frame */
     uint8_t number;                   /* of the newest frame, 1 to 255 in a circle; 0: none has come */
     uint8_t equal[RECEIVER_SWITCHES]; /* frames in a row that ask for the other position */
-    uint8_t off;         /* frames in a row with the rotors off, to RECEIVER_EQUAL; 0: not heard */
-    bool lost;           /* the link quality is 0 */
-    bool silent;         /* no frame for RECEIVER_SILENCE_US */
-    bool by_sticks;      /* the caller's choice: the sticks switch the rotors */
-    uint32_t byte_us;    /* when the newest bytes came */
-    uint32_t heard_us;   /* when the newest frame of channels came */
-    uint32_t gesture_us; /* since when the sticks ask for the other position */
+    uint8_t off;          /* frames in a row with the rotors off, to RECEIVER_EQUAL; 0: no frame yet */
+    bool lost;            /* the link quality is 0 */
+    bool silent;          /* no frame for RECEIVER_SILENCE_US */
+    bool by_sticks;       /* the caller's choice: the sticks switch the rotors */
+    uint32_t byte_us;     /* when the newest bytes came */
+    uint32_t received_us; /* when the newest frame of channels came */
+    uint32_t gesture_us;  /* since when the sticks ask for the other position */
 } receiver_t;
 
 /* Handle bytes of the line, which came until now. Call on every whole turn of the loop, with none, too: it
@@ -67,14 +67,14 @@ void receiver_push(receiver_t *r, crsf_t *c, const uint8_t *bytes, size_t count,
 /* Handle a frame of a pulse train, which has ended now. */
 void receiver_pulses(receiver_t *r, const uint16_t pulse_us[PPM_CHANNELS], uint32_t now_us);
 
-/* True while frames come and the receiver hears the transmitter. Call on every whole turn of the loop: it
+/* True while frames come and the transmitter reaches the receiver. Call on every whole turn of the loop: it
  * sees the silence. */
-bool receiver_heard(receiver_t *r, uint32_t now_us);
+bool receiver_present(receiver_t *r, uint32_t now_us);
 
 /* True when the pilot has the rotors switched on, by the newest frames that counted. */
 bool receiver_rotors_on(const receiver_t *r);
 
-/* True when RECEIVER_EQUAL frames in a row, all since the receiver is heard, had the rotors off. Not the
+/* True when RECEIVER_EQUAL frames in a row, all since frames come, had the rotors off. Not the
  * opposite of receiver_rotors_on(): a switch that is on is taken as off until as many frames say on. */
 bool receiver_rotors_off(const receiver_t *r);
 

@@ -46,7 +46,7 @@ bool routing_accept(routing_t *r, const request_t *request) {
 
     l->rejected = (uint16_t)(l->rejected + !good);
     if (good) {
-        l->heard_us = request->now_us;
+        l->received_us = request->now_us;
         l->open = l->open || opens;
     }
     return good;
@@ -65,7 +65,7 @@ void routing_note_counter(routing_t *r, const request_t *request) {
 
 bool routing_poll(routing_t *r, uint32_t can_kbit, uint32_t now_us) {
     routing_link_t *const l = &r->link[LINK_CAN];
-    const bool lost = l->open && now_us - l->heard_us > ROUTING_SILENCE_US;
+    const bool lost = l->open && now_us - l->received_us > ROUTING_SILENCE_US;
 
     if (lost) {
         routing_open(r, LINK_CAN, false, false);

@@ -13,13 +13,13 @@ typedef enum { LINK_UART = 0, LINK_CAN = 1, LINKS = 2, LINK_NONE = LINKS } link_
 /* One link to a host. */
 typedef struct {
     outbox_t *outbox;
-    bool open;         /* UART: between O or L and C; CAN: from HELLO to CLOSE or silence */
-    bool read_only;    /* opened with L */
-    bool greeted;      /* by a host of the same protocol version and message definitions */
-    uint8_t *counter;  /* last received per identifier, OUTBOX_COUNTERS of them; 0xFF: none */
-    uint16_t rejected; /* received frames that were rejected, modulo 2^16 */
-    uint16_t lost;     /* received frames missing by their counter, modulo 2^16 */
-    uint32_t heard_us; /* last good frame */
+    bool open;            /* UART: between O or L and C; CAN: from HELLO to CLOSE or silence */
+    bool read_only;       /* opened with L */
+    bool greeted;         /* by a host of the same protocol version and message definitions */
+    uint8_t *counter;     /* last received per identifier, OUTBOX_COUNTERS of them; 0xFF: none */
+    uint16_t rejected;    /* received frames that were rejected, modulo 2^16 */
+    uint16_t lost;        /* received frames missing by their counter, modulo 2^16 */
+    uint32_t received_us; /* last good frame */
 } routing_link_t;
 
 /* A received frame and the link it came from, to which its reply goes. */

@@ -20,7 +20,7 @@ void setpoint_of_board(setpoint_t *s, int32_t value, const int16_t *words, size_
     memcpy(s->commands.words, words, count * sizeof words[0]);
     s->waiting = s->waiting || s->value != value;
     s->value = value;
-    s->heard = true; /* on every turn: how old it is, the step knows */
+    s->received = true; /* on every turn: how old it is, the step knows */
 }
 #endif
 
@@ -49,7 +49,7 @@ void setpoint_begin(setpoint_t *s, const control_system_t *system) {
     s->waiting = false;
     s->timed_out = false;
     s->value = 0;
-    s->told = 0;
+    s->sent = 0;
     s->armed = false;
     s->numbered = false;
 }
@@ -80,7 +80,7 @@ void setpoint_receive(setpoint_t *s, int32_t value) {
     command_set_apply(&s->commands);
 #endif
     s->value = value;
-    s->heard = true;
+    s->received = true;
     s->timed_out = false;
     s->waiting = true;
 }
@@ -105,10 +105,10 @@ static void end_with_arming(setpoint_t *s, bool armed, uint16_t next_step) {
 
 void setpoint_poll(setpoint_t *s, bool armed, bool driving, uint16_t next_step, uint32_t now_us) {
     end_with_arming(s, armed, next_step);
-    if (s->heard || !driving) {
-        s->heard = false;
-        s->heard_us = now_us;
-    } else if (now_us - s->heard_us > SETPOINT_SILENCE_US && !is_neutral(s)) {
+    if (s->received || !driving) {
+        s->received = false;
+        s->received_us = now_us;
+    } else if (now_us - s->received_us > SETPOINT_SILENCE_US && !is_neutral(s)) {
         become_neutral(s);
         s->timed_out = true;
     }
@@ -123,9 +123,9 @@ void setpoint_report(setpoint_t *s, routing_t *routing, link_t source, uint16_t 
         return;
     }
     flags |= s->timed_out ? MESSAGE_SETPOINT_USED_TIMED_OUT : 0U;
-    flags |= s->value == s->told ? MESSAGE_SETPOINT_USED_REPEATED : 0U;
+    flags |= s->value == s->sent ? MESSAGE_SETPOINT_USED_REPEATED : 0U;
     s->waiting = false;
     s->timed_out = false;
-    s->told = s->value;
+    s->sent = s->value;
     routing_answer(routing, source, message_setpoint_used_pack(&used), (uint8_t)flags);
 }

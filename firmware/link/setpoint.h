@@ -16,15 +16,15 @@
 
 typedef struct {
     int32_t value;        /* in use; 0 at the start of a run */
-    int32_t told;         /* value of the last SETPOINT_USED */
+    int32_t sent;         /* value of the last SETPOINT_USED */
     bool waiting;         /* lockstep: received for the next sample; real time: not reported yet */
-    bool heard;           /* one that counts was received since the last poll */
+    bool received;        /* one that counts was received since the last poll */
     bool timed_out;       /* set to 0 by the time-out, and not reported yet */
     bool armed;           /* at the last poll */
     bool numbered;        /* real time: one has counted, or an arming has ended, in this run */
     uint16_t number;      /* real time: step number of the last one that counted, or of the next step then */
     uint16_t steps_since; /* real time: steps since then, at most UINT16_MAX */
-    uint32_t heard_us;    /* last poll at which one had been received, or the actuator was not driven */
+    uint32_t received_us; /* last poll at which one had been received, or the actuator was not driven */
 #if CONTROL_COMMANDS_MAX > 0U
     command_set_t commands; /* that come with the setpoint, and share its age */
 #endif

@@ -17,10 +17,10 @@ bool status_due(status_t *s, uint32_t now_us) {
 
 /* True when a frame is to be sent now: its period is over, or its event changed. A change that finds no room
  * waits for the next call. */
-static bool told_now(const status_round_t *round, status_told_t *told, uint32_t state, uint32_t count) {
-    const uint32_t since_us = round->now_us - told->changed_us;
-    const bool changed = (state != told->state && since_us >= STATUS_STATE_US) ||
-                         (round->counts && count != told->count && since_us >= STATUS_COUNT_US);
+static bool send_now(const status_round_t *round, status_sent_t *sent, uint32_t state, uint32_t count) {
+    const uint32_t since_us = round->now_us - sent->changed_us;
+    const bool changed = (state != sent->state && since_us >= STATUS_STATE_US) ||
+                         (round->counts && count != sent->count && since_us >= STATUS_COUNT_US);
 
     if (!round->all && !changed) {
         return false;
@@ -28,9 +28,9 @@ static bool told_now(const status_round_t *round, status_told_t *told, uint32_t 
     if (!outbox_telemetry_fits(round->link->outbox, 1)) {
         return round->all; /* to be counted as dropped */
     }
-    told->state = state;
-    told->count = count;
-    told->changed_us = changed ? round->now_us : told->changed_us;
+    sent->state = state;
+    sent->count = count;
+    sent->changed_us = changed ? round->now_us : sent->changed_us;
     return true;
 }
 
@@ -43,7 +43,7 @@ static uint32_t both(uint16_t low, uint16_t high) {
 #define ONE_KIND __attribute__((noinline)) static void
 
 ONE_KIND send_state(const status_round_t *round, const message_status_t *m, uint8_t flags) {
-    if (told_now(round, &round->news->status, both(m->faults, flags & MESSAGE_STATUS_ARMED), 0)) {
+    if (send_now(round, &round->news->status, both(m->faults, flags & MESSAGE_STATUS_ARMED), 0)) {
         outbox_telemetry(round->link->outbox, message_status_pack(m), flags);
     }
 }
@@ -52,13 +52,13 @@ ONE_KIND send_counters(const status_round_t *round) {
     const routing_link_t *const l = round->link;
     const message_counters_t m = {.rejected = l->rejected, .lost = l->lost, .dropped = l->outbox->dropped};
 
-    if (told_now(round, &round->news->counters, 0, both(m.rejected, m.lost))) {
+    if (send_now(round, &round->news->counters, 0, both(m.rejected, m.lost))) {
         outbox_telemetry(l->outbox, message_counters_pack(&m), 0);
     }
 }
 
 ONE_KIND send_events(const status_round_t *round, const message_events_t *m) {
-    if (told_now(round, &round->news->events, m->disarm_cause, 0)) {
+    if (send_now(round, &round->news->events, m->disarm_cause, 0)) {
         outbox_telemetry(round->link->outbox, message_events_pack(m), 0);
     }
 }
@@ -69,7 +69,7 @@ ONE_KIND send_can(const status_round_t *round, const board_can_health_t *can) {
                                     .bus_offs = can->bus_offs};
     const unsigned off = can->bus_off ? MESSAGE_CAN_HEALTH_BUS_OFF : 0U;
 
-    if (told_now(round, &round->news->can, off, m.bus_offs)) {
+    if (send_now(round, &round->news->can, off, m.bus_offs)) {
         outbox_telemetry(round->link->outbox, message_can_health_pack(&m), (uint8_t)(can->last_error | off));
     }
 }
@@ -79,14 +79,14 @@ ONE_KIND send_sensors(const status_round_t *round, const board_health_t *health,
                                  .digital = (uint16_t)(health->gyro | (unsigned)health->accel << 8),
                                  .bus_failures = health->bus_failures};
 
-    if (told_now(round, &round->news->sensors, both(m.analog, m.digital), m.bus_failures)) {
+    if (send_now(round, &round->news->sensors, both(m.analog, m.digital), m.bus_failures)) {
         outbox_telemetry(round->link->outbox, message_sensors_pack(&m),
                          injected ? MESSAGE_SENSORS_INJECTED : 0U);
     }
 }
 
 ONE_KIND send_plausibility(const status_round_t *round, const message_plausibility_t *m) {
-    if (told_now(round, &round->news->plausibility, both(m->failed, m->disarmed_by), 0)) {
+    if (send_now(round, &round->news->plausibility, both(m->failed, m->disarmed_by), 0)) {
         outbox_telemetry(round->link->outbox, message_plausibility_pack(m), 0);
     }
 }

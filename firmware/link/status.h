@@ -25,16 +25,16 @@ typedef struct {
     uint32_t state;
     uint32_t count;
     uint32_t changed_us; /* last time it was sent because of a change */
-} status_told_t;
+} status_sent_t;
 
 /* Events as last sent on one link; a change while it is closed is sent when it opens. */
 typedef struct {
-    status_told_t status;
-    status_told_t counters;
-    status_told_t events;
-    status_told_t can;
-    status_told_t sensors;
-    status_told_t plausibility;
+    status_sent_t status;
+    status_sent_t counters;
+    status_sent_t events;
+    status_sent_t can;
+    status_sent_t sensors;
+    status_sent_t plausibility;
 } status_news_t;
 
 typedef struct {

@@ -25,11 +25,11 @@ void session_take_sticks(session_t *s) {
 }
 
 /* What keeps a board that is not armed from being armed, on the side of the pilot: READINESS_. */
-static uint16_t pilot_missing(const session_t *s, bool heard, bool locked) {
+static uint16_t pilot_missing(const session_t *s, bool present, bool locked) {
     unsigned missing = locked ? READINESS_LOCKED : 0U;
 
     missing |= s->params->calibrated != 0U ? 0U : READINESS_RAW;
-    if (!heard) {
+    if (!present) {
         missing |= READINESS_RECEIVER;
     } else if (arming_switch_used_up(&s->arming)) {
         missing |= READINESS_SWITCH_ON;
@@ -38,20 +38,21 @@ static uint16_t pilot_missing(const session_t *s, bool heard, bool locked) {
 }
 
 /* The switch of the pilot arms and disarms, in any run in real time. A run begins without a host, too,
- * because the step has to see the switch off before it is on. While the receiver is not heard an armed board
- * leaves the rotors to the step; a board that is not armed has to see the switch off once more. Off is seen
- * when the frames say so, at any rate of frames; an armed board obeys the switch as the step reads it. */
+ * because the step has to see the switch off before it is on. While no frame of the receiver comes an armed
+ * board leaves the rotors to the step; a board that is not armed has to see the switch off once more. Off is
+ * seen when the frames say so, at any rate of frames; an armed board obeys the switch as the step reads it.
+ */
 static void follow_pilot(session_t *s, bool locked, uint32_t now_us) {
-    const bool heard = receiver_heard(&s->receiver, now_us);
+    const bool present = receiver_present(&s->receiver, now_us);
     const bool on = receiver_rotors_on(&s->receiver);
     const bool read = on || receiver_rotors_off(&s->receiver) || arming_armed(&s->arming);
 
-    if (heard && read) {
+    if (present && read) {
         (void)arming_switch(&s->arming, on, now_us);
-    } else if (!heard && !arming_armed(&s->arming)) {
+    } else if (!present && !arming_armed(&s->arming)) {
         arming_switch_unread(&s->arming);
     }
-    s->readiness.outside |= pilot_missing(s, heard, locked);
+    s->readiness.outside |= pilot_missing(s, present, locked);
     if (s->arming.switch_trying) {
         arming_try_switch(&s->arming, session_arming_blocked(s, s->run.links.owner), ARMING_SWITCH_TRY_US,
                           session_hold_us(s), now_us);

@@ -78,7 +78,7 @@ void telemetry_begin(telemetry_t *t) {
 /* ---- frames out ---- */
 
 static uint8_t flags_on(const telemetry_t *t, const routing_t *r, unsigned link, uint8_t flags) {
-    const bool dropped = t->dropped_told[link] != r->link[link].outbox->dropped;
+    const bool dropped = t->dropped_sent[link] != r->link[link].outbox->dropped;
 
     return (uint8_t)(flags | (dropped ? MESSAGE_STEP_DROPPED : 0U));
 }
@@ -175,7 +175,7 @@ static void send_step(telemetry_t *t, routing_t *r, const message_step_t *m, uin
 
         if (r->link[i].open) {
             outbox_telemetry(outbox, message_step_pack(m), flags_on(t, r, i, flags));
-            t->dropped_told[i] = dropped;
+            t->dropped_sent[i] = dropped;
         }
     }
 }

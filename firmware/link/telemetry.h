@@ -18,7 +18,7 @@ typedef struct {
     uint16_t word_next; /* place in the record of the next word to send; CONTROL_RECORD_WORDS_MAX: none */
     uint8_t step_low;   /* counter of the last step's words: its number modulo 16 */
     uint16_t signals;   /* number of the system's first signal */
-    uint16_t dropped_told[LINKS]; /* the outbox's count of dropped frames at the last STEP */
+    uint16_t dropped_sent[LINKS]; /* the outbox's count of dropped frames at the last STEP */
 } telemetry_t;
 
 /* Select STEP only. digest: RUN_QUEUE_LENGTH words, in memory that the caller keeps. */

@@ -101,13 +101,15 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     const int32_t hy = half_angle(w->rate_turnps_q28[1], a->half_angle);
     const int32_t hz = half_angle(w->rate_turnps_q28[2], a->half_angle);
     const int32_t half[3] = {hx, hy, hz};
-    if (((flags & CLIPPED) | c->gyro_clipped_steps | c->accel_clipped_steps) != 0U)
+    if (((flags & CLIPPED) | c->gyro_clipped_steps | c->accel_clipped_steps) != 0U) {
         count_clipped(c, a, flags, half);
+    }
     const int32_t ax = w->accel_g_q25[0], ay = w->accel_g_q25[1], az = w->accel_g_q25[2];
     const bool bridged = c->gap_steps != 0U && flags != PLUMB_ATTITUDE_FLAG_MISSING;
     int32_t force_g_q20[3];
-    if (bridged)
+    if (bridged) {
         bridge(c, a, half, force_g_q20);
+    }
     if (!c->started) {
         c->started = align(&w->attitude, asr32(ax, 1), asr32(ay, 1), asr32(az, 1), WORTHLESS_G_Q25 / 4U) >=
                      WORTHLESS_G_Q25 / 4U;
@@ -141,8 +143,9 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     int32_t m[9];
     c->energy_q24 += turn_body(&w->attitude, turn_x, turn_y, turn_z) >> 6;
     matrix_of(&w->attitude, m);
-    if (bridged)
+    if (bridged) {
         add_force(c, m, force_g_q20);
+    }
     c->force_sum_q18[0] += asr32(along(m, fx, fy, fz), 5);
     c->force_sum_q18[1] += asr32(along(m + 3, fx, fy, fz), 5);
     c->force_sum_q18[2] += asr32(along(m + 6, fx, fy, fz), 5);
@@ -161,10 +164,12 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
                abs_u32(sub_wrap(hz, c->half_mean_q32[2])) > still;
 
     bool turned = c->slice != SLICE_NONE && !bridged && compute_slice(c, a);
-    if (++w->block_step == (uint32_t)a->block_steps)
+    if (++w->block_step == (uint32_t)a->block_steps) {
         turned |= close_block(c, a);
-    if (turned)
+    }
+    if (turned) {
         matrix_of(&w->attitude, m);
+    }
     w->up_q30[0] = m[6];
     w->up_q30[1] = m[7];
     w->up_q30[2] = m[8];

@@ -55,8 +55,9 @@ SELDOM void forget(plumb_attitude_t *c, const plumb_attitude_params_t *a, int32_
 
 /* Restarts the filter as before the first sample; the heading stays. */
 SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
-    for (unsigned i = 0; i < 3U; i++)
+    for (unsigned i = 0; i < 3U; i++) {
         c->words.bias_turnps_q32[i] = c->words.scale_q32[i] = 0;
+    }
     c->block_flags = PLUMB_ATTITUDE_FLAG_ALIGNING;
     forget(c, a, a->start_bias, a->start_tilt);
     c->slice = SLICE_NONE;
@@ -83,8 +84,9 @@ SELDOM void correct(plumb_attitude_t *c) {
     const int32_t y = clamp_i32(by[TILT + 1], -TILT_STEP_LIMIT_Q28, TILT_STEP_LIMIT_Q28);
     turn_earth(&w->attitude, ONE_Q30, 2 * x, 2 * y);
     turn_force(c->force_before_q18, 16 * x, 16 * y);
-    for (unsigned i = 0; i < 2U; i++)
+    for (unsigned i = 0; i < 2U; i++) {
         w->velocity_gs_q28[i] = saturated(w->velocity_gs_q28[i] + 2 * (int64_t)by[VELOCITY + i]);
+    }
 }
 
 /* True for an acceleration of 1 g, within 2.5 %, that is 26 deg or more off the vertical. A body that has
@@ -118,8 +120,9 @@ static void doubt(plumb_attitude_t *c, const plumb_attitude_params_t *p, int32_t
     } else if (held || lost_in_motion(c, p, lasting_q24)) {
         const uint32_t bias = min_u32((uint32_t)p->start_bias, VARIANCE_LIMIT_Q32 / 4U) * 4U;
         forget(c, p, (int32_t)bias, asr32(p->start_tilt, 3));
-        if (held)
+        if (held) {
             c->block_flags |= PLUMB_ATTITUDE_FLAG_REST;
+        }
     } else {
         plumb_error_filter_grow_velocity(&c->errors);
     }
@@ -199,16 +202,18 @@ SHARED bool compute_slice(plumb_attitude_t *c, const plumb_attitude_params_t *p)
         plumb_error_filter_shrink(&c->errors);
     } else {
         const unsigned number = (slice - SLICE_MEASURE) / 2U;
-        if (number == 0U)
+        if (number == 0U) {
             plumb_error_filter_grow(&c->errors, travels(c) ? 0 : p->q_bias, p->q_scale);
-        if (number < 2U)
+        }
+        if (number < 2U) {
             plumb_error_filter_weigh(
                 &c->errors, VELOCITY + number, (uint64_t)c->words.velocity_variance_g2s2_q26 << 4,
                 asr32(sub_wrap(c->measured_gs_q28[number], c->words.velocity_gs_q28[number]), 1));
-        else
+        } else {
             plumb_error_filter_weigh(
                 &c->errors, BIAS + number - 2U, (uint32_t)p->rest_variance,
                 saturated(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)));
+        }
     }
     return false;
 }
@@ -238,8 +243,9 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     const int32_t dt = (int32_t)p->dt_s_q33;
     const int32_t gains[2] = {gained(c->force_sum_q18[0], dt), gained(c->force_sum_q18[1], dt)};
     const bool aligning = c->aligned_blocks < ALIGNING_BLOCKS;
-    if (!aligning)
+    if (!aligning) {
         note_turn(c, p);
+    }
     bool moved = c->moved || c->airborne; /* a hovering vehicle may move as little as a resting one */
 
     for (unsigned i = 0; i < 3U; i++) {
@@ -262,23 +268,27 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
         c->errors.correction_q28[0] = (int32_t)min_u32(half << 3, INT32_MAX);
         w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
         flags |= PLUMB_ATTITUDE_FLAG_UNSURE;
-        if (++c->aligned_blocks == ALIGNING_BLOCKS)
+        if (++c->aligned_blocks == ALIGNING_BLOCKS) {
             c->errors.correction_q28[0] = 0;
-        else
+        } else {
             flags |= PLUMB_ATTITUDE_FLAG_ALIGNING;
+        }
     } else {
         const int32_t time_q32 = (int32_t)((uint32_t)p->block_steps * p->dt_s_q33 >> 1);
         const int32_t lever = saturated(asr64(mul_i64(c->force_sum_q18[2], dt), 20));
         c->errors.half_lever_q32 = asr32(clamp_i32(lever, asr32(time_q32, 2), time_q32), 1);
-        for (unsigned i = 0; i < 2U; i++)
+        for (unsigned i = 0; i < 2U; i++) {
             for (unsigned j = 0; j < 3U; j++) {
                 c->errors.coupling_q32[i][BIAS + j] = -(int32_t)asr64(mul_i64(c->rows_sum_q22[i][j], dt), 25);
                 c->errors.coupling_q32[i][SCALE + j] = -asr32(c->turned_sum_q28[i][j], 1);
             }
-        for (unsigned i = 0; i < 2U; i++)
+        }
+        for (unsigned i = 0; i < 2U; i++) {
             w->velocity_gs_q28[i] = saturated((int64_t)w->velocity_gs_q28[i] + gains[i]);
-        if (p->aid_s_q24 != 0 || c->vehicle)
+        }
+        if (p->aid_s_q24 != 0 || c->vehicle) {
             measure_velocity(c, p, gains, time_q32);
+        }
 
         c->errors.tilt_growth_q32 = tilt_growth(c, p);
         c->errors.velocity_growth_q32 = 16 * c->velocity_added_q26;
@@ -286,8 +296,9 @@ SELDOM bool close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
         flags |= (lever < asr32(time_q32, 2) ? PLUMB_ATTITUDE_FLAG_FALLING : 0U) |
                  (c->airborne ? PLUMB_ATTITUDE_FLAG_AIRBORNE : 0U) | (c->block_flags & JUDGED);
         c->slice = SLICE_CORRECT;
-        if (rests)
+        if (rests) {
             c->aligned_blocks = RESTED;
+        }
     }
     c->block_flags = flags;
     w->block_step = 0;

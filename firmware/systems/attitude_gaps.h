@@ -25,8 +25,9 @@ SELDOM void bridge(plumb_attitude_t *c, const plumb_attitude_params_t *a, const 
     uint32_t turn_square_q32 = 0, force_square_q18 = 0;
     c->gap_steps = 0;
     force_g_q20[0] = force_g_q20[1] = force_g_q20[2] = 0;
-    if (!c->started)
+    if (!c->started) {
         return;
+    }
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t by = asr32(half[i], 1) - 3 * c->half_sixth_q32[i];
         const int32_t by_g_q25 = c->words.accel_g_q25[i] - 6 * c->accel_sixth_q25[i];
@@ -37,8 +38,9 @@ SELDOM void bridge(plumb_attitude_t *c, const plumb_attitude_params_t *a, const 
         force_g_q20[i] = sat_i32(asr64(mul_i64(by_g_q25, steps), 6));
         force_g_q20[i] = clamp_i32(force_g_q20[i], -ADDED_ACCEL_G_Q20, ADDED_ACCEL_G_Q20);
     }
-    for (unsigned i = 0; i < 2U; i++) /* two halves: each within the limit of a step */
+    for (unsigned i = 0; i < 2U; i++) { /* two halves: each within the limit of a step */
         (void)turn_body(&c->words.attitude, turn_q32[0], turn_q32[1], turn_q32[2]);
+    }
 
     const uint32_t square = (uint32_t)(steps * steps);
     add_limited(&c->tilt_added_q32, 2U * mul_u64(square, turn_square_q32), VARIANCE_LIMIT_Q32);
@@ -80,8 +82,9 @@ static uint64_t unseen(uint8_t *run, uint32_t *slope, bool clipped, const int32_
 /* A sample with rates alone: the acceleration is taken for 1 g upwards, which tells nothing about the tilt,
  * and with it the velocity of the block for unknown. */
 SELDOM void without_acceleration(plumb_attitude_t *c) {
-    for (unsigned i = 0; i < 3U; i++)
+    for (unsigned i = 0; i < 3U; i++) {
         c->words.accel_g_q25[i] = c->started ? asr32(c->words.up_q30[i], 5) : 0;
+    }
     c->velocity_added_q26 = VELOCITY_ADDED_Q26;
 }
 
@@ -89,14 +92,17 @@ SELDOM void without_acceleration(plumb_attitude_t *c) {
  * the accelerations are marked so, or have been at a limit for two blocks. */
 SELDOM void count_clipped(plumb_attitude_t *c, const plumb_attitude_params_t *a, uint32_t flags,
                           const int32_t half[3]) {
-    if (flags == PLUMB_ATTITUDE_FLAG_MISSING)
+    if (flags == PLUMB_ATTITUDE_FLAG_MISSING) {
         return;
+    }
     const int32_t *const raw = &c->words.raw[3];
     if ((flags & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U &&
-        (raw[0] + raw[1] + raw[2] == NO_FORCE || c->accel_clipped_steps >= 2U * (uint32_t)a->block_steps))
+        (raw[0] + raw[1] + raw[2] == NO_FORCE || c->accel_clipped_steps >= 2U * (uint32_t)a->block_steps)) {
         without_acceleration(c);
-    if (!c->started)
+    }
+    if (!c->started) {
         return;
+    }
     const uint64_t turned = unseen(&c->gyro_clipped_steps, &c->gyro_slope_q32,
                                    (flags & PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED) != 0U, half, c->half_sixth_q32);
     const uint64_t forced =
@@ -104,8 +110,9 @@ SELDOM void count_clipped(plumb_attitude_t *c, const plumb_attitude_params_t *a,
                (flags & PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) != 0U, c->words.accel_g_q25, c->accel_sixth_q25);
     const uint32_t thrice_q32 = limited(turned, VARIANCE_LIMIT_Q32) * 4U;
     add_limited(&c->tilt_added_q32, thrice_q32 / 3U, VARIANCE_LIMIT_Q32);
-    if (forced == 0U)
+    if (forced == 0U) {
         return;
+    }
     const uint64_t force_q8 = forced >> 10 < 1ULL << 40 ? forced >> 10 : 1ULL << 40;
     const uint64_t square_q26 = force_q8 * mulhi_u32(a->dt_s_q33, a->dt_s_q33) >> 16;
     add_limited(&c->velocity_added_q26, limited(square_q26, 3U * VELOCITY_ADDED_Q26) / 3U,

@@ -73,8 +73,9 @@ SELDOM int32_t inverse_cube_root_q14(uint32_t x_q16) {
  * below 0.5 or above 4 g and commands near the limit of the rotors are left out. In the first two seconds of
  * a flight it learns fast. */
 static void learn_hover(plumb_attitude_t *c, int32_t thrust_q15, uint32_t square) {
-    if (square < FALLS_Q16 || square > HOVER_MOST_Q16 || thrust_q15 > THRUST_MOST_Q15)
+    if (square < FALLS_Q16 || square > HOVER_MOST_Q16 || thrust_q15 > THRUST_MOST_Q15) {
         return;
+    }
     const int32_t at_1_g = asr32(thrust_q15 * inverse_cube_root_q14(square), 14);
     const int32_t off = at_1_g - c->hover_q15;
     const unsigned shift = c->flown_blocks < FIRST_BLOCKS ? 2U : off < 0 ? 5U : 4U;
@@ -92,8 +93,9 @@ static void learn_hover(plumb_attitude_t *c, int32_t thrust_q15, uint32_t square
  * a weight nor a hover: an acceleration of 1 g may stand in for what is not known. */
 SELDOM void follow_flight(plumb_attitude_t *c, const plumb_attitude_params_t *p, int32_t block_s_q32) {
     int32_t mean_g_q18[3];
-    for (unsigned i = 0; i < 3U; i++)
+    for (unsigned i = 0; i < 3U; i++) {
         mean_g_q18[i] = mulhi_i32(c->force_sum_q18[i], p->inverse_block_q32);
+    }
     const uint32_t square = square_g2_q16(mean_g_q18);
     const int32_t thrust = clamp_i32(c->words.thrust_q15, 0, INT16_MAX), hover = c->hover_q15;
     const int32_t lifted =
@@ -104,33 +106,39 @@ SELDOM void follow_flight(plumb_attitude_t *c, const plumb_attitude_params_t *p,
     c->climb_gs_q28 += mulhi_i32(lifted * 1024, block_s_q32) - asr32(c->climb_gs_q28, 5);
     c->climb_gs_q28 = VELOCITY_SATURATED(c->climb_gs_q28);
     if (c->carried_blocks == LANDED_BLOCKS) {
-        if (weighs)
+        if (weighs) {
             c->weight_g_q18 += asr32(lifted, 5);
-        if (thrust == 0)
+        }
+        if (thrust == 0) {
             c->climb_gs_q28 = 0;
+        }
         const bool hovers = hover != 0 && 8 * thrust >= 7 * hover;
         c->thrust_blocks = (uint8_t)(hovers ? min_u32(c->thrust_blocks + 1U, TAKE_OFF_BLOCKS) : 0U);
         if (thrust != 0 && (c->thrust_blocks == TAKE_OFF_BLOCKS || abs_u32(c->climb_gs_q28) > LIFTS_GS_Q28)) {
             c->carried_blocks = c->flown_blocks = c->thrust_blocks = 0;
             /* a vehicle that rises has at least the thrust of a hover */
-            if (hover == 0 || (c->climb_gs_q28 > 0 && thrust < hover))
+            if (hover == 0 || (c->climb_gs_q28 > 0 && thrust < hover)) {
                 c->hover_q15 = clamp_i32(thrust, HOVER_LOW_Q15, HOVER_HIGH_Q15);
+            }
         }
         return;
     }
     c->flown_blocks = (uint8_t)min_u32(c->flown_blocks + 1U, UINT8_MAX);
     if (weighs && 4 * thrust < 3 * hover) {
         c->carried_blocks++;
-        if (thrust == 0 && c->carried_blocks >= MAYBE_LANDED_BLOCKS)
+        if (thrust == 0 && c->carried_blocks >= MAYBE_LANDED_BLOCKS) {
             c->carried_blocks = LANDED_BLOCKS;
+        }
     } else {
         c->carried_blocks = 0;
     }
-    if (c->carried_blocks >= MAYBE_LANDED_BLOCKS)
+    if (c->carried_blocks >= MAYBE_LANDED_BLOCKS) {
         c->climb_gs_q28 = 0;
+    }
     const bool lifts = 4 * thrust >= 3 * hover || (c->flown_blocks < FIRST_BLOCKS && 8 * thrust >= 3 * hover);
-    if (felt && lifts)
+    if (felt && lifts) {
         learn_hover(c, thrust, square);
+    }
 }
 
 /* The measured velocity at the end of a block: zero on the ground; in flight from the drag of the rotors, v =
@@ -140,13 +148,16 @@ SELDOM void follow_flight(plumb_attitude_t *c, const plumb_attitude_params_t *p,
 static void measure_velocity(plumb_attitude_t *c, const plumb_attitude_params_t *p, const int32_t gained[2],
                              int32_t block_s_q32) {
     follow_flight(c, p, block_s_q32);
-    if (p->aid_s_q24 == 0)
+    if (p->aid_s_q24 == 0) {
         return;
+    }
     const bool airborne = c->carried_blocks < MAYBE_LANDED_BLOCKS;
-    if (airborne != c->airborne)
+    if (airborne != c->airborne) {
         c->travel_gs_q28[0] = c->travel_gs_q28[1] = 0;
-    if (airborne != c->airborne || (airborne && c->carried_blocks != 0U))
+    }
+    if (airborne != c->airborne || (airborne && c->carried_blocks != 0U)) {
         add_limited(&c->velocity_added_q26, VELOCITY_ADDED_Q26, VELOCITY_ADDED_Q26);
+    }
     c->airborne = airborne;
     for (unsigned i = 0; i < 2U; i++) {
         const int32_t across_q18 =

@@ -34,8 +34,9 @@ SELDOM void turn_earth(plumb_quaternion_t *q, int32_t w, int32_t x, int32_t y) {
  * Returns half its length; below `least` nothing is turned. */
 SELDOM uint32_t align(plumb_quaternion_t *q, int32_t x, int32_t y, int32_t z, uint32_t least) {
     const uint32_t half = plumb_angle_length((int32_t)plumb_angle_length(y, x), asr32(z, 1)) << 1;
-    if (half < least)
+    if (half < least) {
         return half;
+    }
 
     /* half of: (|a| + z, y, -x), the quaternion that turns a to the vertical, of any length */
     const int32_t w = (int32_t)half + asr32(z, 1), qx = asr32(y, 1), qy = -asr32(x, 1);

@@ -42,8 +42,9 @@ void plumb_balancer_step(plumb_balancer_t *c, const plumb_params_t *p, const int
 
     axis_measurement_t measured = axis_measure(&p->tilt, gravity_x, accel_z);
     w->variance = measured.variance;
-    if (c->blind)
+    if (c->blind) {
         measured.tilt_turn_q32 = w->tilt_turn_q32;
+    }
     w->tilt_measured_turn_q32 = measured.tilt_turn_q32;
 
     const axis_estimate_t now = axis_filter(&w->kalman, &p->kalman, measured, driving, rate);

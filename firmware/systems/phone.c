@@ -62,8 +62,9 @@ static inline void euler_rates(plumb_phone_words_t *w, int32_t x, int32_t y, int
  * corrects nothing, and the covariance is still propagated. */
 KERNEL axis_estimate_t estimate(plumb_kalman_t *k, const plumb_kalman_params_t *p,
                                 axis_measurement_t measured, bool lost, int32_t rate) {
-    if (lost)
+    if (lost) {
         measured.tilt_turn_q32 = kalman_predicted(k, p, rate);
+    }
     return axis_filter(k, p, measured, rate, rate);
 }
 
@@ -108,16 +109,18 @@ void plumb_phone_step(plumb_phone_t *c, const plumb_params_t *p, const int16_t r
     w->rate_y_turnps_q28 = rate_y;
     w->rate_z_turnps_q28 = rate_z;
     if (p->phone.rates == PLUMB_PHONE_EULER_RATES) {
-        if (!roll_lost)
+        if (!roll_lost) {
             change_sides(w);
+        }
         euler_rates(w, x, y, z, roll_lost);
     } else {
         w->pitch_rate_turnps_q28 = y;
         w->roll_rate_turnps_q28 = x;
     }
     if (abs_u32(w->pitch_rate_turnps_q28) >= RATE_LIMIT_Q28 ||
-        abs_u32(w->roll_rate_turnps_q28) >= RATE_LIMIT_Q28)
+        abs_u32(w->roll_rate_turnps_q28) >= RATE_LIMIT_Q28) {
         flags |= PLUMB_PHONE_FLAG_GYRO_CLAMPED;
+    }
     w->clamped_steps += (flags & PLUMB_PHONE_FLAGS_SATURATED) != 0U;
     w->flags = flags;
 

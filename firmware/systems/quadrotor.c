@@ -58,8 +58,9 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
                           int32_t setpoint) {
     plumb_quadrotor_words_t *const w = &c->words;
     const plumb_quadrotor_params_t *const q = &p->quadrotor;
-    for (unsigned i = 0; i < INPUTS; i++)
+    for (unsigned i = 0; i < INPUTS; i++) {
         w->raw[i] = raw[i];
+    }
     w->setpoint_throttle_q15 = setpoint;
     w->step++;
 
@@ -103,10 +104,11 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
     rate_loop_step(&w->yaw, &p->rate_yaw, alpha, most, w->asked_turnps_q28[2], w->rate_turnps_q28[2], mode);
 
     flags |= (levels ? PLUMB_QUADROTOR_FLAG_LEVELS : 0U) | (lost ? PLUMB_QUADROTOR_FLAG_LOST : 0U);
-    if (flies)
+    if (flies) {
         flags |= PLUMB_QUADROTOR_FLAG_FLIES | mix(w, q, &p->esc, q->airmode != 0U && !landed);
-    else
+    } else {
         rest(w, &p->esc);
+    }
     w->flags = flags;
 }
 

@@ -56,13 +56,14 @@ KERNEL bool grows_against(const plumb_rate_loop_t *loop, int32_t rate_turnps_q28
  * a vehicle, too. Steps of other kinds are taken off again. */
 KERNEL void watch_runaway(plumb_quadrotor_words_t *w, bool low, bool watched) {
     const bool limited = !low && (w->flags & PLUMB_QUADROTOR_FLAG_TILT_LIMITED) != 0U;
-    if (!watched)
+    if (!watched) {
         w->runaway_steps = 0U;
-    else if (limited && (grows_against(&w->roll, w->rate_turnps_q28[0]) ||
-                         grows_against(&w->pitch, w->rate_turnps_q28[1])))
+    } else if (limited && (grows_against(&w->roll, w->rate_turnps_q28[0]) ||
+                           grows_against(&w->pitch, w->rate_turnps_q28[1]))) {
         w->runaway_steps = min_u32(w->runaway_steps + 1U, STEPS_MOST);
-    else
+    } else {
         w->runaway_steps -= w->runaway_steps != 0U ? 1U : 0U;
+    }
 }
 
 /* Reason why the rotors must stop in any phase; 0: none. */
@@ -90,16 +91,20 @@ KERNEL uint32_t next_phase(const plumb_quadrotor_words_t *w, const plumb_quadrot
     case PLUMB_QUADROTOR_FLOWN:
         return !lost ? PLUMB_QUADROTOR_FLOWN : landed ? PLUMB_QUADROTOR_STOPPED : PLUMB_QUADROTOR_HELD;
     case PLUMB_QUADROTOR_HELD:
-        if (!lost)
+        if (!lost) {
             return PLUMB_QUADROTOR_FLOWN;
-        if (landed)
+        }
+        if (landed) {
             return PLUMB_QUADROTOR_STOPPED;
-        if (w->phase_steps <= q->held_steps)
+        }
+        if (w->phase_steps <= q->held_steps) {
             return PLUMB_QUADROTOR_HELD;
+        }
         return q->lost_action != 0U ? PLUMB_QUADROTOR_LANDING : PLUMB_QUADROTOR_STOPPED;
     default: /* landing */
-        if (w->good_steps >= q->back_steps)
+        if (w->good_steps >= q->back_steps) {
             return PLUMB_QUADROTOR_FLOWN;
+        }
         return has_touched_down(w) || w->phase_steps > q->land_steps ? PLUMB_QUADROTOR_STOPPED
                                                                      : PLUMB_QUADROTOR_LANDING;
     }
@@ -114,11 +119,13 @@ KERNEL void decide(plumb_quadrotor_words_t *w, const plumb_quadrotor_params_t *q
         w->stop_reason = 0U;
     } else if (before != PLUMB_QUADROTOR_STOPPED) {
         w->phase = why != 0U ? PLUMB_QUADROTOR_STOPPED : next_phase(w, q, lost, landed);
-        if (w->phase == PLUMB_QUADROTOR_STOPPED)
+        if (w->phase == PLUMB_QUADROTOR_STOPPED) {
             w->stop_reason = why != 0U ? why : PLUMB_QUADROTOR_STOPPED_RECEIVER;
+        }
     }
-    if (w->phase != before)
+    if (w->phase != before) {
         w->phase_steps = 0U;
+    }
 }
 
 /* Sets the throttle of the phase. A landing holds a speed of descent once a block: proportional 1.5 and
@@ -133,8 +140,9 @@ KERNEL void set_throttle(plumb_quadrotor_words_t *w, const plumb_quadrotor_param
     } else if (w->phase != PLUMB_QUADROTOR_LANDING) {
         w->throttle_q15 = given_q15;
     } else if (w->phase_steps == 0U) {
-        if (w->carried_blocks < TOUCHED_BLOCKS)
+        if (w->carried_blocks < TOUCHED_BLOCKS) {
             w->throttle_q15 = hover;
+        }
         w->landing_q15 = w->throttle_q15;
     } else if (block_ends) {
         const int32_t off = clamp_i32(-q->land_gs_q28 - w->climb_gs_q28, -DESCENT_Q28, DESCENT_Q28);

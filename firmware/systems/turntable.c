@@ -59,11 +59,13 @@ static void prefilter_sensors(plumb_turntable_words_t *w, const plumb_params_t *
                                                   ANGULAR_STALE, w->acceleration_turnps2_q28);
     const uint32_t period = p->fusion.gyro_period_step_q24;
     uint32_t age = w->gyro_age_step_q24 + STEP_Q24;
-    if (age >= period)
+    if (age >= period) {
         age -= period;
+    }
     /* the sample came in the first step after its instant: clocks may drift and start at any phase */
-    if ((gyro & PLUMB_PREFILTER_SAMPLE) != 0U && age >= STEP_Q24)
+    if ((gyro & PLUMB_PREFILTER_SAMPLE) != 0U && age >= STEP_Q24) {
         age = age < period / 2U ? STEP_Q24 - 1U : 0U;
+    }
     w->gyro_age_step_q24 = age;
     s->gyro = (gyro & PLUMB_PREFILTER_SAMPLE) != 0U;
     s->angular = (angular & PLUMB_PREFILTER_SAMPLE) != 0U;
@@ -127,8 +129,9 @@ static void predict(plumb_turntable_words_t *w, const plumb_params_t *p, const t
         .angular_bias_q64 = f->q_angular_bias_q64,
     };
     plumb_fusion_predict(w->covariance_q64, &step, f->dt_s_q32);
-    if (s->rest || f->layer == PLUMB_FUSION_ATTITUDE)
+    if (s->rest || f->layer == PLUMB_FUSION_ATTITUDE) {
         return;
+    }
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t drive = add_scaled(0, (1 << 30) - f->share_q30, w->increment_turnps_q34[i], 36);
         plumb_fusion_parameter_predict(&w->scale[i], s->angular, s->angular ? drive : 0, f->dt_s_q32);
@@ -157,8 +160,9 @@ static int64_t correction_q60(int32_t gain_q28, int32_t innovation_q28) {
 /* Merge the two attitudes into one. */
 static void merge_attitudes(plumb_turntable_words_t *w) {
     w->attitude_angular = w->attitude;
-    for (unsigned j = 0; j < FUSION_STATES; j++)
+    for (unsigned j = 0; j < FUSION_STATES; j++) {
         w->covariance_q64[FUSION_CELL(FUSION_DIFFERENCE, j)] = 0;
+    }
     w->covariance_q64[FUSION_CELL(FUSION_ANGLE, FUSION_DIFFERENCE)] = 0;
 }
 
@@ -168,11 +172,13 @@ static void update_zero_rate(plumb_turntable_words_t *w) {
     int32_t gain[FUSION_ROWS];
     plumb_fusion_gains(u, plumb_fusion_project_state(p, FUSION_RATE, u) + STILL_Q64, gain);
     plumb_fusion_update(p, gain, u);
-    for (unsigned i = 0; i < 3U; i++)
+    for (unsigned i = 0; i < 3U; i++) {
         correct(w, i, gain, -w->rate_fused_turnps_q28[i]);
+    }
     merge_attitudes(w);
-    for (unsigned j = 0; j < FUSION_STATES; j++)
+    for (unsigned j = 0; j < FUSION_STATES; j++) {
         p[FUSION_CELL(FUSION_ANGLE, j)] = 0;
+    }
 }
 
 /* Second stage of one axis: estimate scale and lag from the innovation, and add their part to the gains. */
@@ -185,8 +191,9 @@ static void learn(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, co
                                                        LAG_PROJECTED_MAX);
     plumb_fusion_parameter_update(&w->scale[i], gain, scale);
     plumb_fusion_parameter_update(&w->lag[i], gain, lag);
-    if (!s->angular || s->shock)
+    if (!s->angular || s->shock) {
         return;
+    }
     const int32_t innovation = w->innovation_turnps_q28[i];
     const int64_t scale_q60 = plumb_fusion_parameter_cross(&w->scale[i], scale);
     const int64_t lag_q60 = plumb_fusion_parameter_cross(&w->lag[i], lag);
@@ -228,13 +235,16 @@ static void compare_rates(plumb_turntable_words_t *w, const plumb_fusion_params_
     plumb_fusion_update(p, first, u);
     for (unsigned i = 0; i < 3U; i++) {
         int32_t gain[FUSION_ROWS] = {first[0], first[1], first[2], first[3], first[4]};
-        if ((w->gyro.spikes >> i & 1U) != 0U)
+        if ((w->gyro.spikes >> i & 1U) != 0U) {
             continue;
-        if (!s->rest && f->layer != PLUMB_FUSION_ATTITUDE)
+        }
+        if (!s->rest && f->layer != PLUMB_FUSION_ATTITUDE) {
             learn(w, f, s, i, s_q64, gain);
+        }
         correct(w, i, gain, w->innovation_turnps_q28[i]);
-        if (f->layer == PLUMB_FUSION_DATA)
+        if (f->layer == PLUMB_FUSION_DATA) {
             s->turn_q60[i] += correction_q60(gain[FUSION_ANGLE], w->innovation_turnps_q28[i]);
+        }
     }
 }
 
@@ -297,18 +307,22 @@ static void propagate_attitude(plumb_turntable_words_t *w, const plumb_fusion_pa
         align_gyro(w, f, s);
         plumb_quaternion_rotate(&w->attitude_angular, s->turn_angular_q60);
         plumb_quaternion_rotate(&w->attitude, s->turn_q60);
-        if (s->gyro)
+        if (s->gyro) {
             compare_attitudes(w, f);
+        }
         return;
     }
     /* a gyro that has just returned starts anew, with its own sample and the attitude of the other sensor */
     const bool back = f->layer == PLUMB_FUSION_ATTITUDE && !s->rest && s->gyro;
-    for (unsigned i = 0; i < 3U; i++)
+    for (unsigned i = 0; i < 3U; i++) {
         w->rate_corrected_turnps_q28[i] = back ? sampled(w, s, i) : w->rate_fused_turnps_q28[i];
-    if (!s->rest)
+    }
+    if (!s->rest) {
         plumb_quaternion_rotate(&w->attitude, s->turn_q60);
-    if (f->layer == PLUMB_FUSION_ATTITUDE)
+    }
+    if (f->layer == PLUMB_FUSION_ATTITUDE) {
         merge_attitudes(w);
+    }
 }
 
 void plumb_turntable_step(plumb_turntable_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
@@ -318,16 +332,19 @@ void plumb_turntable_step(plumb_turntable_t *c, const plumb_params_t *p, const i
                                    w->acceleration_turnps2_q28[2]};
     const bool adjacent = w->angular.gap_steps == 0U;
     w->step++;
-    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++)
+    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++) {
         w->raw[i] = raw[i];
+    }
     w->setpoint = setpoint;
     turntable_step_t s = {.rest = w->step <= p->fusion.rest_steps};
     prefilter_sensors(w, p, &s);
     propagate_rate(w, p, &s, before_q28, adjacent);
     predict(w, p, &s);
-    if (s.rest)
+    if (s.rest) {
         update_zero_rate(w);
-    if (s.gyro && (s.rest || p->fusion.layer != PLUMB_FUSION_ATTITUDE))
+    }
+    if (s.gyro && (s.rest || p->fusion.layer != PLUMB_FUSION_ATTITUDE)) {
         compare_rates(w, &p->fusion, &s);
+    }
     propagate_attitude(w, &p->fusion, &s);
 }

@@ -36,8 +36,9 @@ typedef char wheels_assert_same_words[offsetof(plumb_wheels_words_t, duty_q15) -
 KERNEL void take_balancer(plumb_wheels_words_t *w, const plumb_balancer_words_t *b) {
     char *const to = (char *)w + FIRST;
     const char *const from = (const char *)b + offsetof(plumb_balancer_words_t, rate_turnps_q28);
-    for (size_t at = 0; at < TAKEN / 16U * 16U; at += 16U)
+    for (size_t at = 0; at < TAKEN / 16U * 16U; at += 16U) {
         memcpy(to + at, from + at, 16U);
+    }
     memcpy(to + TAKEN / 16U * 16U, from + TAKEN / 16U * 16U, TAKEN % 16U);
 }
 
@@ -78,18 +79,21 @@ KERNEL void decide(plumb_wheels_words_t *w, const plumb_wheels_params_t *q, bool
     if (!on) {
         w->phase = PLUMB_WHEELS_STOPPED;
     } else if (before == PLUMB_WHEELS_STOPPED) {
-        if (rides && abs_u32(w->tilt_turn_q32) <= q->up_turn_q32)
+        if (rides && abs_u32(w->tilt_turn_q32) <= q->up_turn_q32) {
             w->phase = PLUMB_WHEELS_RIDDEN;
+        }
     } else if (before == PLUMB_WHEELS_RIDDEN) {
-        if (w->absent_steps >= q->absent_steps || blind)
+        if (w->absent_steps >= q->absent_steps || blind) {
             w->phase = PLUMB_WHEELS_STOPPING;
+        }
     } else if (rides) {
         w->phase = PLUMB_WHEELS_RIDDEN;
     } else if (w->phase_steps > q->stopping_steps) {
         w->phase = PLUMB_WHEELS_STOPPED;
     }
-    if (w->phase != before)
+    if (w->phase != before) {
         w->phase_steps = 0U;
+    }
 }
 
 /* Turn rate: that of the gyro, its bias taken off, which follows the difference of the wheels slowly. Where
@@ -109,10 +113,11 @@ KERNEL uint32_t turning(plumb_wheels_words_t *w, const plumb_params_t *p, int32_
     } else if (w->slip_steps != 0U) {
         w->slip_steps--;
     }
-    if (w->slip_steps == 0U)
+    if (w->slip_steps == 0U) {
         w->turn_bias_turnps_q28 = clamp_i32(
             w->turn_bias_turnps_q28 + 4 * mulhi_i32(clamp_i32(apart, -doubt, doubt), q->bias_alpha_q31),
             -BIAS_MOST, BIAS_MOST);
+    }
     w->turn_rate_turnps_q28 = gyro - w->turn_bias_turnps_q28;
     return flags | (used != difference ? PLUMB_WHEELS_FLAG_WHEEL_CLAMPED : 0U);
 }
@@ -148,8 +153,9 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     const bool blind = w->still_steps >= q->still_steps;
     axis_record_raw(w->raw, raw);
     axis_record_raw(w->raw + 6, raw + 6);
-    for (unsigned i = 12; i < INPUTS; i++)
+    for (unsigned i = 12; i < INPUTS; i++) {
         w->raw[i] = raw[i];
+    }
     w->setpoint_speed_q15 = setpoint_speed_q15;
     w->step++;
 

@@ -81,13 +81,15 @@ KERNEL uint32_t residual(const plumb_wheel_params_t *p, int32_t counts, int32_t 
 KERNEL int32_t both(const plumb_wheels_words_t *w, const plumb_params_t *p, int32_t left, int32_t right) {
     const uint32_t dead = p->wheels.dead_steps;
     const bool one = (w->left_steps >= dead) != (w->right_steps >= dead);
-    if (w->slip_steps == 0U && !one)
+    if (w->slip_steps == 0U && !one) {
         return left + right;
+    }
     const int32_t turned = asr32(mulhi_i32(w->turn_rate_turnps_q28, p->wheels.turn_counts_q36) + 8, 4);
     const int32_t by_left = 2 * left + turned, by_right = 2 * right - turned;
     const int32_t felt = w->wheel.velocity_mps_q26 + w->apart_mps_q26;
-    if (one)
+    if (one) {
         return w->right_steps >= dead ? by_left : by_right;
+    }
     return residual(&p->wheel, by_left, felt) <= residual(&p->wheel, by_right, felt) ? by_left : by_right;
 }
 

@@ -25,8 +25,9 @@ static inline uint32_t check_random(void) {
 static inline int32_t check_random_wild(void) {
     static const int32_t corners[] = {INT32_MIN, INT32_MIN + 1, -1, 0, 1, INT32_MAX - 1, INT32_MAX};
     const uint32_t pick = check_random();
-    if (pick % 16U == 0U)
+    if (pick % 16U == 0U) {
         return corners[pick / 16U % 7U];
+    }
     const uint32_t magnitude = check_random() >> (pick / 16U % 32U);
     return (int32_t)((pick & 0x80000000U) != 0U ? 0U - magnitude : magnitude);
 }

@@ -16,7 +16,7 @@ typedef struct {
 /* What the receiver is after a turn of the loop. */
 typedef struct {
     int32_t live, on, off, lost,
-        number; /* receiver_heard(), _rotors_on(), _rotors_off(), and of receiver_t */
+        number; /* receiver_present(), _rotors_on(), _rotors_off(), and of receiver_t */
     int32_t throttle_q15, words[RECEIVER_WORDS];
 } receiver_turn_t;
 
@@ -192,7 +192,7 @@ void receiver_turns(const uint8_t *bytes, const uint64_t *after_us, size_t count
         receiver_push(&r, &c, &bytes[from], to - from, now_us);
         from = to;
         receiver_turn_t *const row = &rows[turn];
-        *row = (receiver_turn_t){.live = receiver_heard(&r, now_us),
+        *row = (receiver_turn_t){.live = receiver_present(&r, now_us),
                                  .on = receiver_rotors_on(&r),
                                  .off = receiver_rotors_off(&r),
                                  .lost = r.lost,

@@ -2,7 +2,7 @@
 #include "check.h"
 #include "core/angle.h"
 
-#define DEG(x) ((int64_t)((x)*4294967296.0 / 360.0 + ((x) < 0 ? -0.5 : 0.5)))
+#define DEG(x) ((int64_t)((x) * 4294967296.0 / 360.0 + ((x) < 0 ? -0.5 : 0.5)))
 #define HALF   (-2147483647 - 1)
 
 static int64_t distance(int32_t a, int64_t b) {

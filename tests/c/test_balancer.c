@@ -111,8 +111,9 @@ static void fallen(void) {
         step(&c, &p, -1024, 1024, 0, 0); /* an eighth measured, a sixteenth believed */
     CHECK(abs(w->tilt_turn_q32 - (1 << 28)) < 1 << 19 && (w->flags & PLUMB_BALANCER_FLAG_FALLEN) != 0U &&
           w->duty_q15 == 0);
-    for (int i = 0; i < 200; i++)
+    for (int i = 0; i < 200; i++) {
         w = step(&c, &p, 0, 1024, 0, 1 << 26);
+    }
     CHECK(abs(w->tilt_turn_q32) < 1 << 26 && w->pid.command_q22 != 0);
     CHECK((w->flags & PLUMB_BALANCER_FLAG_FALLEN) != 0U && w->duty_q15 == 0);
     p.drive.fall_turn_q32 = 1U << 31;
@@ -153,8 +154,9 @@ static void stays_within(void) {
     control_init(&c, &p);
     for (int i = 0; i < 200000; i++) {
         int16_t raw[PLUMB_RAW_MAX];
-        for (unsigned k = 0; k < PLUMB_RAW_MAX; k++)
+        for (unsigned k = 0; k < PLUMB_RAW_MAX; k++) {
             raw[k] = (int16_t)check_random_wild();
+        }
         control_step(&c, &p, raw, check_random_wild());
         const plumb_balancer_words_t *w = &c.balancer.words;
         CHECK(labs((long)w->wheel.speed_mps_q26) <= WHEEL_SPEED_LIMIT);

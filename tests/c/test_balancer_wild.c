@@ -13,8 +13,9 @@ static plumb_params_t wild(void) {
     do {
         wild_control(&all, PLUMB_SYSTEM_BALANCER);
         const int32_t edge = all.control.wheel.edge_mps_q26;
-        if (check_random() % 2U == 0U && edge > (1 << 15))
+        if (check_random() % 2U == 0U && edge > (1 << 15)) {
             all.control.wheel.edges_max = (int32_t)(WHEEL_SPEED_LIMIT / edge);
+        }
     } while (!control_params_valid(&all.control));
     return all.control;
 }
@@ -67,7 +68,8 @@ static void run_wild(uint32_t set) {
 }
 
 int main(void) {
-    for (uint32_t set = 0; set < SETS; set++)
+    for (uint32_t set = 0; set < SETS; set++) {
         run_wild(set);
+    }
     return check_failures == 0 ? 0 : 1;
 }

@@ -10,12 +10,15 @@
  * mirrored. Phase B and C come 4 and 8 twelfths later. */
 static double back_emf(int phase, double twelfths) {
     const double at = fmod(twelfths - 4.0 * phase + 24.0, 12.0);
-    if (at < 1.0)
+    if (at < 1.0) {
         return at;
-    if (at <= 5.0)
+    }
+    if (at <= 5.0) {
         return 1.0;
-    if (at < 7.0)
+    }
+    if (at < 7.0) {
         return 6.0 - at;
+    }
     return at <= 11.0 ? -1.0 : at - 12.0;
 }
 
@@ -62,8 +65,9 @@ static void one_switches_one_sinks_one_floats(void) {
             commutation_t c;
             unsigned seen = 0;
             CHECK(commutation_step(&c, hall, duty, PERIOD, ON_MAX));
-            for (int phase = 0; phase < 3; phase++)
+            for (int phase = 0; phase < 3; phase++) {
                 seen |= 1U << c.drive[phase];
+            }
             CHECK(seen == 7U);
         }
     }
@@ -102,8 +106,9 @@ static void edges_are_counted_with_their_sign(void) {
         CHECK(commutation_moved(from, from) == 0);
         CHECK(commutation_moved(from, forward[(i + 1) % 6]) == 1);
         CHECK(commutation_moved(from, forward[(i + 5) % 6]) == -1);
-        for (int far = 2; far < 5; far++)
+        for (int far = 2; far < 5; far++) {
             CHECK(commutation_moved(from, forward[(i + far) % 6]) == 0);
+        }
         CHECK(commutation_moved(from, 0) == 0 && commutation_moved(7, from) == 0);
     }
 }

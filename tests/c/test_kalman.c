@@ -38,8 +38,9 @@ static void integrates(void) {
     const plumb_kalman_start_t start = {.p00_hi = 0};
     plumb_kalman_t k;
     plumb_kalman_init(&k, &start);
-    for (int i = 0; i < 50; i++)
+    for (int i = 0; i < 50; i++) {
         kalman_step(&k, &p, PLUMB_KALMAN_R_MAX, 0, 1 << 28);
+    }
     CHECK(kalman_tilt(&k) > -100 && kalman_tilt(&k) < 100);
     kalman_step(&k, &p, PLUMB_KALMAN_R_MAX, 0, 1 << 28);
     CHECK(kalman_tilt(&k) > 85899345 - 100 && kalman_tilt(&k) < 85899345 + 100); /* 1/50 turn */
@@ -108,8 +109,9 @@ static void fractions(void) {
     for (uint32_t shift = 1; shift <= 2; shift++) {
         p.qb_frac_q30 = 1U << (30U - shift);
         plumb_kalman_init(&k, &start);
-        for (int i = 0; i < 1000; i++)
+        for (int i = 0; i < 1000; i++) {
             kalman_step(&k, &p, PLUMB_KALMAN_R_MAX, 0, 0);
+        }
         CHECK(k.p11 == 1000 >> shift);
     }
 }

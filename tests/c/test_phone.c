@@ -34,8 +34,9 @@ static void check_words(const plumb_phone_words_t *w, const plumb_params_t *p) {
     CHECK(w->pitch_variance == (pitch_lost ? p->tilt.r_max : p->tilt.r_base));
     CHECK(!roll_lost || w->roll.innovation_turn_q32 == 0);
     CHECK(!pitch_lost || w->pitch.innovation_turn_q32 == 0);
-    if (p->phone.rates == PLUMB_PHONE_BODY_RATES)
+    if (p->phone.rates == PLUMB_PHONE_BODY_RATES) {
         CHECK(w->tangent_q26 == 0);
+    }
 }
 
 /* Counts that jump, rest, are small, or stand at an end. */
@@ -55,7 +56,8 @@ static void run_wild(uint32_t set) {
 }
 
 int main(void) {
-    for (uint32_t set = 0; set < SETS; set++)
+    for (uint32_t set = 0; set < SETS; set++) {
         run_wild(set);
+    }
     return check_failures == 0 ? 0 : 1;
 }

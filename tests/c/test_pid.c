@@ -40,11 +40,13 @@ static void terms(void) {
 static void filter(void) {
     const plumb_pid_params_t p = {.d_alpha_q31 = 1 << 29, .slew_q22 = NO_LIMIT};
     plumb_pid_t c = started();
-    for (int i = 0; i < 8; i++)
+    for (int i = 0; i < 8; i++) {
         pid_step(&c, &p, 0, 1 << 28);
+    }
     CHECK(abs(c.rate_filtered_turnps_q27 - 120780800) <= 20);
-    for (int i = 0; i < 200; i++)
+    for (int i = 0; i < 200; i++) {
         pid_step(&c, &p, 0, 1 << 28);
+    }
     CHECK(abs(c.rate_filtered_turnps_q27 - (1 << 27)) <= 8);
 }
 
@@ -73,8 +75,9 @@ static void slew_limit(void) {
 static void no_windup(void) {
     const plumb_pid_params_t p = {.kp_q22 = 16 * ONE, .ki_dt_q22 = ONE / 4, .slew_q22 = NO_LIMIT};
     plumb_pid_t c = started();
-    for (int i = 0; i < 1000; i++)
+    for (int i = 0; i < 1000; i++) {
         pid_step(&c, &p, 1 << 29, 0); /* demand 2 */
+    }
     CHECK(c.command_q22 == ONE - 1 && c.integral_q54 == 0);
     pid_step(&c, &p, -(1 << 20), 0);
     CHECK(c.command_q22 < 0 && c.integral_q54 < 0);

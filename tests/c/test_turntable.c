@@ -17,19 +17,22 @@ static plumb_params_t wild(uint32_t set) {
     do {
         params_default(&all);
         for (uint16_t i = 0; i < sizeof all.control / 4U; i++) {
-            if (set % 4U == 1U && check_random() % 4U != 0U)
+            if (set % 4U == 1U && check_random() % 4U != 0U) {
                 wild_end(&all, i, check_random() % 2U != 0U);
-            else
+            } else {
                 wild_word(&all, i);
+            }
         }
         all.control.system = PLUMB_SYSTEM_TURNTABLE;
         all.control.fusion.rest_steps %= 60U;
-        if (all.control.fusion.gyro_age_step_q24 >= all.control.fusion.gyro_period_step_q24)
+        if (all.control.fusion.gyro_age_step_q24 >= all.control.fusion.gyro_period_step_q24) {
             all.control.fusion.gyro_age_step_q24 = all.control.fusion.gyro_period_step_q24 - 1U;
+        }
         wild_calibration(&all.control.gyro);
         wild_calibration(&all.control.angular);
-        if (set % 4U == 2U)
+        if (set % 4U == 2U) {
             params_set_word(&all, (uint16_t)(FIRST + check_random() % WORDS), (uint32_t)check_random_wild());
+        }
     } while (!control_params_valid(&all.control));
     return all.control;
 }
@@ -64,18 +67,22 @@ static void run_wild(uint32_t set) {
     for (unsigned step = 0; step < STEPS; step++) {
         wild_counts(raw, set, INT16_MIN + 1);
         int16_t given[PLUMB_RAW_MAX];
-        for (unsigned i = 0; i < PLUMB_RAW_MAX; i++)
+        for (unsigned i = 0; i < PLUMB_RAW_MAX; i++) {
             given[i] = raw[i];
-        for (unsigned sensor = 0; sensor < 2U; sensor++)
-            if (check_random() % 4U < set / 4U % 4U)
+        }
+        for (unsigned sensor = 0; sensor < 2U; sensor++) {
+            if (check_random() % 4U < set / 4U % 4U) {
                 given[3U * sensor] = PLUMB_PREFILTER_NO_SAMPLE;
+            }
+        }
         control_step(&c, &p, given, check_random_wild());
         check_words(&c.turntable.words);
     }
 }
 
 int main(void) {
-    for (uint32_t set = 0; set < SETS; set++)
+    for (uint32_t set = 0; set < SETS; set++) {
         run_wild(set);
+    }
     return check_failures == 0 ? 0 : 1;
 }

@@ -22,9 +22,11 @@ static inline void wild_word(params_t *all, uint16_t index) {
 /* A table of this system in which about half of the control core's words are wild. */
 static inline void wild_control(params_t *all, uint32_t system) {
     params_default(all);
-    for (uint16_t i = 0; i < sizeof all->control / 4U; i++)
-        if (check_random() % 2U == 0U)
+    for (uint16_t i = 0; i < sizeof all->control / 4U; i++) {
+        if (check_random() % 2U == 0U) {
             wild_word(all, i);
+        }
+    }
     all->control.system = system;
 }
 
@@ -34,8 +36,9 @@ static inline void wild_end(params_t *all, uint16_t index, bool upper) {
     uint32_t away = 0;
     for (uint32_t step = 0x80000000U; step != 0U; step >>= 1) {
         const uint32_t further = away + step;
-        if (further > away && params_in_range(index, upper ? from + further : from - further))
+        if (further > away && params_in_range(index, upper ? from + further : from - further)) {
             away = further;
+        }
     }
     params_set_word(all, index, upper ? from + away : from - away);
 }
@@ -57,10 +60,12 @@ static inline void wild_calibration(plumb_calibration_params_t *c) {
 static inline void wild_counts(int16_t raw[PLUMB_RAW_MAX], uint32_t set, int16_t least) {
     for (unsigned i = 0; i < PLUMB_RAW_MAX; i++) {
         const uint32_t pick = check_random();
-        if (set % 3U != 0U || pick % 20U == 0U)
+        if (set % 3U != 0U || pick % 20U == 0U) {
             raw[i] = (int16_t)(uint16_t)(check_random() >> (set % 4U * 4U + 16U));
-        if (pick % 32U == 1U)
+        }
+        if (pick % 32U == 1U) {
             raw[i] = (pick & 0x8000U) != 0U ? INT16_MAX : least;
+        }
     }
 }
 

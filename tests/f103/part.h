@@ -10,7 +10,7 @@
 #define NVIC_IPR8(n)  (*(volatile uint8_t *)(0xE000E400 + (n)))
 #define SCB_ICSR      REG(0xE000ED04)
 #define SCB_AIRCR     REG(0xE000ED0C)
-#define SCB_SHPR8(n)  (*(volatile uint8_t *)(0xE000ED18 + (n)-4))
+#define SCB_SHPR8(n)  (*(volatile uint8_t *)(0xE000ED18 + (n) - 4))
 #define SCB_SHCSR     REG(0xE000ED24)
 #define SCB_CFSR      REG(0xE000ED28)
 #define SCB_HFSR      REG(0xE000ED2C)
@@ -59,10 +59,10 @@
 
 #define DMA_ISR      REG(0x40020000)
 #define DMA_IFCR     REG(0x40020004)
-#define DMA_CCR(n)   REG(0x40020008 + 20 * ((n)-1))
-#define DMA_CNDTR(n) REG(0x4002000C + 20 * ((n)-1))
-#define DMA_CPAR(n)  REG(0x40020010 + 20 * ((n)-1))
-#define DMA_CMAR(n)  REG(0x40020014 + 20 * ((n)-1))
+#define DMA_CCR(n)   REG(0x40020008 + 20 * ((n) - 1))
+#define DMA_CNDTR(n) REG(0x4002000C + 20 * ((n) - 1))
+#define DMA_CPAR(n)  REG(0x40020010 + 20 * ((n) - 1))
+#define DMA_CMAR(n)  REG(0x40020014 + 20 * ((n) - 1))
 
 #define TIM3         0x40000400U
 #define TIM4         0x40000800U

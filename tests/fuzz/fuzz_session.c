@@ -43,7 +43,9 @@ typedef enum {
     OPS
 } op_t;
 
-static struct { const uint8_t *at, *end; } input;
+static struct {
+    const uint8_t *at, *end;
+} input;
 
 static uint8_t next(void) {
     return input.at < input.end ? *input.at++ : 0U;

@@ -23,8 +23,8 @@ static inline uint32_t quotient_q31(int32_t y, int32_t x) {
     int32_t atan2_##terms(int32_t y, int32_t x) {                                                            \
         const uint32_t t_q31 = quotient_q31(y, x);                                                           \
         const int32_t square = (int32_t)mulhi_u32(t_q31, t_q31);                                             \
-        int32_t p = ATAN_Q33_##terms[(terms)-1];                                                             \
-        _Pragma("GCC unroll 16") for (int i = (terms)-2; i >= 0; i--) p =                                    \
+        int32_t p = ATAN_Q33_##terms[(terms) - 1];                                                           \
+        _Pragma("GCC unroll 16") for (int i = (terms) - 2; i >= 0; i--) p =                                  \
             angle_horner(ATAN_Q33_##terms[i], p, square);                                                    \
         return from_octant(mulhi_u32(t_q31, (uint32_t)p), y, x);                                             \
     }

@@ -21,13 +21,15 @@ void console_number(int32_t x) {
         *--at = (char)('0' + rest % 10U);
         rest /= 10U;
     } while (rest != 0U);
-    if (x < 0)
+    if (x < 0) {
         *--at = '-';
+    }
     console_text(at);
 }
 
 void console_exit(int code) {
     const uint32_t block[2] = {STOPPED_APPLICATION_EXIT, (uint32_t)code};
-    for (;;)
+    for (;;) {
         call(SYS_EXIT_EXTENDED, block);
+    }
 }

@@ -8,10 +8,12 @@ int main(void);
 void reset_handler(void);
 
 void reset_handler(void) {
-    for (uint32_t *from = &data_load, *to = &data_start; to < &data_end;)
+    for (uint32_t *from = &data_load, *to = &data_start; to < &data_end;) {
         *to++ = *from++;
-    for (uint32_t *to = &bss_start; to < &bss_end;)
+    }
+    for (uint32_t *to = &bss_start; to < &bss_end;) {
         *to++ = 0;
+    }
     console_exit(main());
 }
 

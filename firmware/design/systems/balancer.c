@@ -14,9 +14,10 @@ static void wheel_words(plumb_design_t *d, const plumb_wheel_tuning_t *t, int32_
                             -WHEEL_SPEED_MOST, WHEEL_SPEED_MOST);
     const int64_t size = edge < 0 ? -edge : edge, fast = size != 0 ? WHEEL_SPEED_MOST / size : EDGES_MOST,
                   most = fast < EDGES_MOST ? fast : EDGES_MOST;
-    if (t->edges_max < 0 || t->edges_max > most)
+    if (t->edges_max < 0 || t->edges_max > most) {
         plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, "wheel.edges_max", (double)t->edges_max, 0.0,
                             (double)most);
+    }
     double share;
     words->edges_max = t->edges_max != 0 ? t->edges_max : (int32_t)most;
     words->edge_mps_q26 = (int32_t)edge;
@@ -39,8 +40,9 @@ static void speed_words(plumb_design_t *d, const plumb_speed_tuning_t *t, int32_
     }
     const wide_t lean_max = wide_of(plumb_design_bounded(t->lean_max_deg));
     double share;
-    if (t->lean_slew_dps <= 0.0)
+    if (t->lean_slew_dps <= 0.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, slew_name, t->lean_slew_dps, 0.0, DESIGN_NO_LIMIT);
+    }
     words->d_alpha_q31 = plumb_design_filter_q31(d, "speed.accel_tau_s", t->accel_tau_s, period_us, &share);
     words->kp_q22 = (int32_t)plumb_design_scaled(d, "speed.lean_deg_per_mps", t->lean_deg_per_mps,
                                                  wide_div(wide_of(0x1p28), lean_max), -LIMIT, LIMIT);
@@ -90,14 +92,16 @@ plumb_design_t plumb_balancer_design(const plumb_balancer_tuning_t *tuning, plum
     DESIGN_FINITE(&d, t, drive.duty_max);
     DESIGN_FINITE(&d, t, drive.fall_deg);
     plumb_design_period(&d, t->period_us);
-    if (d.error != PLUMB_DESIGN_OK)
+    if (d.error != PLUMB_DESIGN_OK) {
         return d;
+    }
     plumb_params_t made = {.system = PLUMB_SYSTEM_BALANCER};
     plumb_design_axis(&d, &axis, &made);
     wheel_words(&d, &t->wheel, t->period_us, &made.wheel);
     speed_words(&d, &t->speed, t->period_us, &made.speed);
     drive_words(&d, &t->drive, &t->speed, &made.drive);
-    if (d.error == PLUMB_DESIGN_OK)
+    if (d.error == PLUMB_DESIGN_OK) {
         *params = made;
+    }
     return d;
 }

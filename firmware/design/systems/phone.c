@@ -5,25 +5,37 @@
 #define AXIS_FILTER(t, axis)                                                                                 \
     {                                                                                                        \
         .q_angle_deg2_per_s = (t)->axis.q_angle_deg2_per_s,                                                  \
-        .q_bias_dps2_per_s = (t)->axis.q_bias_dps2_per_s, .bias_max_dps = (t)->bias_max_dps,                 \
-        .rate = (t)->rate, .trust = {(t)->axis.r_deg2, 0.0, (t)->r_left_out_deg2}, .start = (t)->axis.start, \
-        .q_angle_name = #axis ".q_angle_deg2_per_s", .q_bias_name = #axis ".q_bias_dps2_per_s",              \
-        .bias_max_name = "bias_max_dps", .rate_name = "rate", .r_name = #axis ".r_deg2",                     \
-        .r_max_name = "r_left_out_deg2", .tilt_name = #axis ".start.tilt_deg",                               \
-        .bias_name = #axis ".start.bias_dps", .p00_name = #axis ".start.p00_deg2",                           \
-        .p01_name = #axis ".start.p01_deg2_per_s", .p11_name = #axis ".start.p11_dps2",                      \
+        .q_bias_dps2_per_s = (t)->axis.q_bias_dps2_per_s,                                                    \
+        .bias_max_dps = (t)->bias_max_dps,                                                                   \
+        .rate = (t)->rate,                                                                                   \
+        .trust = {(t)->axis.r_deg2, 0.0, (t)->r_left_out_deg2},                                              \
+        .start = (t)->axis.start,                                                                            \
+        .q_angle_name = #axis ".q_angle_deg2_per_s",                                                         \
+        .q_bias_name = #axis ".q_bias_dps2_per_s",                                                           \
+        .bias_max_name = "bias_max_dps",                                                                     \
+        .rate_name = "rate",                                                                                 \
+        .r_name = #axis ".r_deg2",                                                                           \
+        .r_max_name = "r_left_out_deg2",                                                                     \
+        .tilt_name = #axis ".start.tilt_deg",                                                                \
+        .bias_name = #axis ".start.bias_dps",                                                                \
+        .p00_name = #axis ".start.p00_deg2",                                                                 \
+        .p01_name = #axis ".start.p01_deg2_per_s",                                                           \
+        .p11_name = #axis ".start.p11_dps2",                                                                 \
     }
 
 /* One filter; unit_deg2 as plumb_design_filter takes it. */
 static void one(plumb_design_t *d, const plumb_phone_tuning_t *t, const design_filter_t *f, wide_t *unit_deg2,
                 design_filter_words_t *words) {
-    if (t->r_left_out_deg2 < f->trust.r_deg2)
+    if (t->r_left_out_deg2 < f->trust.r_deg2) {
         plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, "r_left_out_deg2", t->r_left_out_deg2,
                             f->trust.r_deg2, DESIGN_NO_LIMIT);
-    if (d->error == PLUMB_DESIGN_OK)
+    }
+    if (d->error == PLUMB_DESIGN_OK) {
         plumb_design_filter_check(d, f, t->period_us);
-    if (d->error == PLUMB_DESIGN_OK)
+    }
+    if (d->error == PLUMB_DESIGN_OK) {
         plumb_design_filter(d, f, t->period_us, unit_deg2, words);
+    }
 }
 
 /* Both filters count their variances in one unit: that which suits pitch, or else roll. */
@@ -75,8 +87,9 @@ plumb_design_t plumb_phone_design(const plumb_phone_tuning_t *tuning, plumb_para
     axis_finite(&d, t);
     plumb_design_period(&d, t->period_us);
     plumb_design_choice(&d, "rates", t->rates, PLUMB_TUNING_RATES_EULER);
-    if (d.error != PLUMB_DESIGN_OK)
+    if (d.error != PLUMB_DESIGN_OK) {
         return d;
+    }
     plumb_params_t made = {.system = PLUMB_SYSTEM_PHONE, .phone = {.rates = (uint32_t)t->rates}};
     design_filter_words_t pitch = {.tilt = {.mode = PLUMB_TUNING_ATAN2}}, roll = pitch;
     filters(&d, t, &pitch, &roll);
@@ -92,7 +105,8 @@ plumb_design_t plumb_phone_design(const plumb_phone_tuning_t *tuning, plumb_para
     made.roll.start = roll.start;
     plumb_design_channel(&d, &gyro, &t->gyro, plumb_design_turn_unit(), &made.gyro);
     plumb_design_channel(&d, &accel, &t->accel, plumb_design_g_unit(), &made.accel);
-    if (d.error == PLUMB_DESIGN_OK)
+    if (d.error == PLUMB_DESIGN_OK) {
         *params = made;
+    }
     return d;
 }

@@ -5,16 +5,18 @@
 /* A pulse in half-microseconds, within low to high. */
 static int32_t pulse(plumb_design_t *d, const char *field, double asked_us, int32_t low, int32_t high) {
     const wide_t exact = wide_mul(wide_of(plumb_design_bounded(asked_us)), wide_of(2.0));
-    if (exact.hi < (double)low || exact.hi > (double)high)
+    if (exact.hi < (double)low || exact.hi > (double)high) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, field, asked_us, (double)low / 2.0,
                             (double)high / 2.0);
+    }
     return (int32_t)plumb_design_whole(d, field, asked_us, exact, low, high);
 }
 
 static void in_order(plumb_design_t *d, const char *field, double asked_us, double above_us) {
-    if (asked_us > above_us)
+    if (asked_us > above_us) {
         plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, field, asked_us, ESC_PULSE_MIN_HALFUS / 2.0,
                             above_us);
+    }
 }
 
 static void pulses(plumb_design_t *d, const plumb_esc_tuning_t *t, plumb_esc_params_t *words) {
@@ -41,12 +43,14 @@ plumb_design_t plumb_quad_design(const plumb_quad_tuning_t *tuning, plumb_params
     DESIGN_FINITE(&d, t, esc.max_us);
     DESIGN_FINITE(&d, t, esc.neutral_us);
     plumb_design_period(&d, t->period_us);
-    if (d.error != PLUMB_DESIGN_OK)
+    if (d.error != PLUMB_DESIGN_OK) {
         return d;
+    }
     plumb_params_t made = {.system = PLUMB_SYSTEM_QUAD};
     plumb_design_axis(&d, &axis, &made);
     pulses(&d, &t->esc, &made.esc);
-    if (d.error == PLUMB_DESIGN_OK)
+    if (d.error == PLUMB_DESIGN_OK) {
         *params = made;
+    }
     return d;
 }

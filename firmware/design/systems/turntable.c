@@ -12,15 +12,19 @@ static double absolute(double x) {
 
 static void prefilter(plumb_design_t *d, const plumb_prefilter_tuning_t *t, double unit_per_count,
                       const char *const names[3], plumb_prefilter_params_t *words) {
-    if (t->spike <= 0.0)
+    if (t->spike <= 0.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names[0], t->spike, 0.0, DESIGN_NO_LIMIT);
-    if (t->smooth <= 0.0 || t->smooth > 1.0)
+    }
+    if (t->smooth <= 0.0 || t->smooth > 1.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names[1], t->smooth, 0.0, 1.0);
-    if (unit_per_count == 0.0)
+    }
+    if (unit_per_count == 0.0) {
         plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, names[2], unit_per_count, -DESIGN_NO_LIMIT,
                             DESIGN_NO_LIMIT);
-    if (d->error != PLUMB_DESIGN_OK)
+    }
+    if (d->error != PLUMB_DESIGN_OK) {
         return;
+    }
     const double counts = t->spike / absolute(unit_per_count);
     const int64_t nearest = wide_round(wide_of(counts < NO_SPIKE_COUNTS ? counts : NO_SPIKE_COUNTS));
     words->spike_counts = (int32_t)(nearest < 1 ? 1 : nearest);
@@ -82,9 +86,10 @@ static uint32_t square(plumb_design_t *d, const char *field, double asked, wide_
 static uint32_t scale_word(plumb_design_t *d, const plumb_fusion_tuning_t *t, wide_t scale) {
     const double angular = plumb_design_bounded(t->angular_scale), rest = angular * angular;
     const double most = (double)WORD / 0x1p40, least = 500.0 / 0x1p40;
-    if (rest > most)
+    if (rest > most) {
         plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, "fusion.angular_scale", t->angular_scale, 0.0,
                             plumb_design_root(most));
+    }
     const bool refused = d->error != PLUMB_DESIGN_OK;
     const uint32_t word = (uint32_t)plumb_design_whole(d, "fusion.gyro_scale", t->gyro_scale,
                                                        wide_mul(scale, wide_of(0x1p40)), 0, WORD);
@@ -101,8 +106,9 @@ static times_t times(plumb_design_t *d, const plumb_fusion_tuning_t *t, int32_t 
     times_t out = {wide_div(us, wide_of(1e6)), wide_of(0.0), wide_of(0.0), wide_of(0.0)};
     const double dt_s = (double)period_us / 1e6, gyro_s = t->gyro_period_s;
     double p = 0.0, q = 1.0;
-    if (gyro_s > 0.5 * dt_s && gyro_s < 32.0 * dt_s && gyro_s >= 0x1p-11)
+    if (gyro_s > 0.5 * dt_s && gyro_s < 32.0 * dt_s && gyro_s >= 0x1p-11) {
         nearest_fraction(gyro_s, &p, &q);
+    }
     out.period = wide_div(wide_of(p * 1e6), wide_mul(wide_of(q), us));
     if (wide_compare(out.period, wide_of(1.0)) < 0 || wide_compare(out.period, wide_of(16.0)) > 0) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.gyro_period_s", gyro_s, dt_s, 16.0 * dt_s);
@@ -116,8 +122,9 @@ static times_t times(plumb_design_t *d, const plumb_fusion_tuning_t *t, int32_t 
     wide_t fraction;
     const int64_t periods = wide_floor(wide_div(late, wide_of(p * 1e6)), &fraction);
     wide_t age = wide_sub(wide_mul(wide_of_int(periods), wide_of(p * 1e6)), late); /* 0 or less */
-    if (wide_compare(age, wide_of(0.0)) < 0)
+    if (wide_compare(age, wide_of(0.0)) < 0) {
         age = wide_add(age, wide_of(p * 1e6));
+    }
     out.age = wide_div(age, wide_mul(wide_of(q), us));
     return out;
 }
@@ -150,23 +157,29 @@ static void fusion_words(plumb_design_t *d, const plumb_fusion_tuning_t *t, int3
     plumb_design_not_negative(d, "fusion.gyro_scale", t->gyro_scale);
     plumb_design_not_negative(d, "fusion.angular_scale", t->angular_scale);
     plumb_design_not_negative(d, "fusion.start_lag_s", t->start_lag_s);
-    if (t->gyro_phase_s > PHASE_MAX_S)
+    if (t->gyro_phase_s > PHASE_MAX_S) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.gyro_phase_s", t->gyro_phase_s, 0.0,
                             PHASE_MAX_S);
-    if (d->error != PLUMB_DESIGN_OK)
+    }
+    if (d->error != PLUMB_DESIGN_OK) {
         return;
+    }
     const times_t time = times(d, t, period_us);
     const wide_t us = wide_of((double)period_us);
     const double dt_s = (double)period_us / 1e6;
     const int64_t rest = wide_round(wide_div(wide_product(plumb_design_bounded(t->rest_s), 1e6), us));
-    if (rest > WORD)
+    if (rest > WORD) {
         plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, "fusion.rest_s", t->rest_s, 0.0, (double)WORD * dt_s);
-    if (wide_compare(time.lag, wide_of(16.0)) > 0)
+    }
+    if (wide_compare(time.lag, wide_of(16.0)) > 0) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.lag_s", t->lag_s, 0.0, 16.0 * dt_s);
-    if (wide_compare(wide_product(plumb_design_bounded(t->start_lag_s), 1e6), us) > 0)
+    }
+    if (wide_compare(wide_product(plumb_design_bounded(t->start_lag_s), 1e6), us) > 0) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.start_lag_s", t->start_lag_s, 0.0, dt_s);
-    if (d->error != PLUMB_DESIGN_OK)
+    }
+    if (d->error != PLUMB_DESIGN_OK) {
         return;
+    }
     const double gyro = plumb_design_bounded(t->gyro_scale), angular = plumb_design_bounded(t->angular_scale);
     const wide_t of_gyro = wide_product(gyro, gyro),
                  scale = wide_add(of_gyro, wide_product(angular, angular));
@@ -224,17 +237,20 @@ plumb_design_t plumb_turntable_design(const plumb_turntable_tuning_t *tuning, pl
     plumb_design_t d = PLUMB_DESIGN_NONE_REFUSED;
     all_finite(&d, t);
     plumb_design_period(&d, t->period_us);
-    if (t->period_us > 10000)
+    if (t->period_us > 10000) {
         plumb_design_refuse(&d, PLUMB_DESIGN_OUT_OF_RANGE, "period_us", (double)t->period_us, 500.0, 1e4);
-    if (d.error != PLUMB_DESIGN_OK)
+    }
+    if (d.error != PLUMB_DESIGN_OK) {
         return d;
+    }
     plumb_params_t made = {.system = PLUMB_SYSTEM_TURNTABLE};
     plumb_design_channel(&d, &gyro, &t->gyro, plumb_design_turn_unit(), &made.gyro);
     plumb_design_channel(&d, &angular, &t->angular, plumb_design_turn_unit(), &made.angular);
     prefilter(&d, &t->gyro_filter, t->gyro.unit_per_count, of_gyro, &made.gyro_filter);
     prefilter(&d, &t->angular_filter, t->angular.unit_per_count, of_angular, &made.angular_filter);
     fusion_words(&d, &t->fusion, t->period_us, &made.fusion);
-    if (d.error == PLUMB_DESIGN_OK)
+    if (d.error == PLUMB_DESIGN_OK) {
         *params = made;
+    }
     return d;
 }

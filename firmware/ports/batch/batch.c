@@ -157,10 +157,12 @@ void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t
     control_init(&c, &p);
     for (int32_t i = 0; i < steps; i++) {
         control_step(&c, &p, raw + (size_t)i * inputs, setpoint[i]);
-        if (words)
+        if (words) {
             memcpy(words + (size_t)i * bytes, control_words(&c), bytes);
-        if (digests)
+        }
+        if (digests) {
             digests[i] = digest_crc32(control_words(&c), bytes);
+        }
     }
 }
 
@@ -172,8 +174,9 @@ void plumb_kalman_run(const uint32_t *params, const uint32_t *variance, const in
                       int32_t *fused_turn_q32) {
     const plumb_params_t p = params_of(params);
     plumb_kalman_t *k = states;
-    for (int32_t run = 0; run < runs; run++)
+    for (int32_t run = 0; run < runs; run++) {
         plumb_kalman_init(&k[run], &p.start);
+    }
     for (int32_t i = 0; i < steps; i++) {
         const size_t at = (size_t)i * (size_t)runs;
         for (int32_t run = 0; run < runs; run++) {
@@ -189,8 +192,9 @@ void plumb_kalman_each(const uint32_t *params, void *states, const uint32_t *var
                        const int32_t *tilt_turn_q32, const int32_t *rate_turnps_q28, int32_t n) {
     const plumb_params_t p = params_of(params);
     plumb_kalman_t *k = states;
-    for (int32_t i = 0; i < n; i++)
+    for (int32_t i = 0; i < n; i++) {
         kalman_step(&k[i], &p.kalman, variance[i], tilt_turn_q32[i], rate_turnps_q28[i]);
+    }
 }
 
 /* The controller alone, from its start. states: plumb_pid_t[steps], the state after every step. */
@@ -210,36 +214,42 @@ void plumb_pid_each(const uint32_t *params, void *states, const int32_t *error_t
                     const int32_t *rate_turnps_q28, int32_t n) {
     const plumb_params_t p = params_of(params);
     plumb_pid_t *c = states;
-    for (int32_t i = 0; i < n; i++)
+    for (int32_t i = 0; i < n; i++) {
         pid_step(&c[i], &p.pid, error_turn_q32[i], rate_turnps_q28[i]);
+    }
 }
 
 /* Other gains for each of n states (plumb_pid_t). */
 void plumb_pid_retune_each(const uint32_t *from, const uint32_t *to, void *states, int32_t n) {
     const plumb_params_t before = params_of(from), after = params_of(to);
     plumb_pid_t *c = states;
-    for (int32_t i = 0; i < n; i++)
+    for (int32_t i = 0; i < n; i++) {
         plumb_pid_retune(&c[i], &before.pid, &after.pid);
+    }
 }
 
 void plumb_atan2_run(const int32_t *y, const int32_t *x, int32_t n, int32_t *turn_q32) {
-    for (int32_t i = 0; i < n; i++)
+    for (int32_t i = 0; i < n; i++) {
         turn_q32[i] = angle_atan2(y[i], x[i]);
+    }
 }
 
 void plumb_asin_run(const int32_t *x_q30, int32_t n, int32_t *turn_q32) {
-    for (int32_t i = 0; i < n; i++)
+    for (int32_t i = 0; i < n; i++) {
         turn_q32[i] = angle_asin(x_q30[i]);
+    }
 }
 
 void plumb_sincos_run(const int32_t *turn_q32, int32_t n, int32_t *sin_q30, int32_t *cos_q30) {
-    for (int32_t i = 0; i < n; i++)
+    for (int32_t i = 0; i < n; i++) {
         plumb_angle_sincos(turn_q32[i], &sin_q30[i], &cos_q30[i]);
+    }
 }
 
 void plumb_length_run(const int32_t *y, const int32_t *x, int32_t n, uint32_t *half) {
-    for (int32_t i = 0; i < n; i++)
+    for (int32_t i = 0; i < n; i++) {
         half[i] = plumb_angle_length(y[i], x[i]);
+    }
 }
 
 /* Measured tilt and its variance. */
@@ -254,8 +264,9 @@ void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26, const 
 
 /* d: 2^30 .. 2^31 - 1 */
 void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61) {
-    for (int32_t i = 0; i < n; i++)
+    for (int32_t i = 0; i < n; i++) {
         y_q61[i] = reciprocal_q61(d[i]);
+    }
 }
 
 uint32_t plumb_crc32(const uint8_t *data, int32_t bytes) {
@@ -274,8 +285,9 @@ int32_t plumb_takeoff_run(const uint32_t *params, const uint8_t *words, int32_t 
 
     memcpy(&p, params, sizeof p);
     const plumb_takeoff_bounds_t *const bounds = control_system(&p)->takeoff;
-    if (bounds == NULL)
+    if (bounds == NULL) {
         return 0;
+    }
     plumb_takeoff_init(&t);
     for (int32_t k = 0; k < steps; k++) {
         memcpy(&record, words + (size_t)k * control_words_bytes(&p), control_words_bytes(&p));
@@ -298,8 +310,9 @@ int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int
 
     memcpy(&p, params, sizeof p);
     const plumb_plausibility_bounds_t *const bounds = control_system(&p)->plausibility;
-    if (bounds == NULL)
+    if (bounds == NULL) {
         return 0;
+    }
     plumb_plausibility_init(&s);
     for (int32_t k = 0; k < steps; k++) {
         memcpy(&record, words + (size_t)k * control_words_bytes(&p), control_words_bytes(&p));

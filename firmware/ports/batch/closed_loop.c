@@ -28,8 +28,9 @@ int32_t plumb_closed_loop(const plant_t *plant, const plant_run_t *run, void *st
     memcpy(&p, params, sizeof p);
     const size_t bytes = control_words_bytes(&p), inputs = control_system(&p)->inputs;
     int32_t output[OUTPUTS_MAX];
-    if (outputs > OUTPUTS_MAX || run->fault_count > PLANT_FAULTS_MAX)
+    if (outputs > OUTPUTS_MAX || run->fault_count > PLANT_FAULTS_MAX) {
         return 0;
+    }
     control_t c;
     control_init(&c, &p);
     plant->begin(state, run);
@@ -37,12 +38,14 @@ int32_t plumb_closed_loop(const plant_t *plant, const plant_run_t *run, void *st
         const double time_s = (double)((int64_t)i * period_us) * 1e-6;
         plant->follow(state, time_s, i ? output : NULL);
         plant->sample(state, i, time_s, raw, truth);
-        if (plant->setpoint)
+        if (plant->setpoint) {
             setpoint[i] = plant->setpoint(state);
+        }
         control_step(&c, &p, raw, setpoint[i]);
         memcpy(words, control_words(&c), bytes);
-        for (int32_t n = 0; n < outputs; n++)
+        for (int32_t n = 0; n < outputs; n++) {
             memcpy(&output[n], words + 4U * (size_t)places[n], sizeof output[n]);
+        }
         raw += inputs;
         words += bytes;
         truth += plant->truths;

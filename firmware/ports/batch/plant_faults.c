@@ -32,14 +32,16 @@ void plant_fail(const plant_run_t *run, plant_frozen_t *frozen, double time_s, i
     for (int32_t i = 0; i < run->fault_count; i++) {
         const plant_fault_t *fault = &run->faults[i];
         const int32_t channel = (int32_t)fault->channel;
-        if (time_s < fault->start_s)
+        if (time_s < fault->start_s) {
             continue;
+        }
         if (!frozen->begun[i]) {
             frozen->begun[i] = true;
             frozen->lsb[i] = counts[channel];
         }
-        if (time_s >= fault->stop_s)
+        if (time_s >= fault->stop_s) {
             continue;
+        }
         const double lsb = rint(instead_of(counts[channel], (plant_fault_kind_t)fault->kind, frozen->lsb[i],
                                            noise[channel * run->steps], noise_lsb, rail_lsb));
         counts[channel] = (int16_t)(lsb < -32768.0 ? -32768.0 : lsb > 32767.0 ? 32767.0 : lsb);

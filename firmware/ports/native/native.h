@@ -112,7 +112,7 @@ void native_set_clock_us(uint32_t us);
 size_t native_uart_send(const uint8_t *bytes, size_t count);
 size_t native_uart_receive(uint8_t *bytes, size_t room);
 
-/* Bytes of the receiver; returns how many the line took. The board hears them in the
+/* Bytes of the receiver; returns how many the line took. The board receives them in the
  * pin sets `quadrotor` and `wheels`. */
 size_t native_receiver_send(const uint8_t *bytes, size_t count);
 

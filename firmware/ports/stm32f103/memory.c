@@ -9,20 +9,24 @@ typedef uint32_t __attribute__((may_alias, aligned(1))) word_t;
 void *memcpy(void *restrict to, const void *restrict from, size_t count) {
     uint8_t *target = to;
     const uint8_t *source = from;
-    for (; count >= 4U; count -= 4U, target += 4, source += 4)
+    for (; count >= 4U; count -= 4U, target += 4, source += 4) {
         *(word_t *)target = *(const word_t *)source;
-    for (; count > 0U; count--)
+    }
+    for (; count > 0U; count--) {
         *target++ = *source++;
+    }
     return to;
 }
 
 void *memset(void *to, int value, size_t count) {
     uint8_t *target = to;
     const uint32_t four = (uint8_t)value * 0x01010101U;
-    for (; count >= 4U; count -= 4U, target += 4)
+    for (; count >= 4U; count -= 4U, target += 4) {
         *(word_t *)target = four;
-    for (; count > 0U; count--)
+    }
+    for (; count > 0U; count--) {
         *target++ = (uint8_t)value;
+    }
     return to;
 }
 

@@ -23,8 +23,9 @@ void plumb_current_step(plumb_current_t *c, const plumb_params_t *p, const int16
     const int32_t used = clamp_i32(raw[0], 0, COUNT_MAX);
     const int32_t most = p->current.duty_max_q15;
 
-    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++)
+    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++) {
         w->raw[i] = raw[i];
+    }
     w->setpoint_a_q20 = setpoint_a_q20;
     w->current_a_q20 = (used - p->current.zero_counts) * p->current.gain_a_q20;
     w->error_a_q20 = clamp_i32(setpoint_a_q20, -ASKED_MAX, ASKED_MAX) - w->current_a_q20;

@@ -22,8 +22,9 @@ void plumb_gantry_step(plumb_gantry_t *c, const plumb_params_t *p, const int16_t
     const int32_t most = p->gantry.step_counts;
     bool arrived = true;
 
-    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++)
+    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++) {
         w->raw[i] = raw[i];
+    }
     w->setpoint_x_counts = setpoint_x_counts;
     for (unsigned i = 0; i < SLIDES; i++) {
         const int32_t left = clamp_i32(asked[i], -FAR, FAR) - w->path_counts[i];

@@ -20,8 +20,9 @@ void plumb_notch_step(plumb_notch_t *c, const plumb_params_t *p, const int16_t r
     const int64_t fed = mul_i64(p->notch.b1_q30, c->out_q12[0]) + mul_i64(p->notch.a2_q30, c->out_q12[1]);
     const int32_t out = clamp_i32(sat_i32(asr64(in - fed, 30)), -OUT_MAX, OUT_MAX);
 
-    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++)
+    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++) {
         w->raw[i] = raw[i];
+    }
     w->setpoint = setpoint;
     w->filtered_counts_q12 = out;
     w->removed_counts_q12 = count * 4096 - out;

@@ -26,10 +26,12 @@ void plumb_toy_step(plumb_toy_t *c, const plumb_params_t *p, const int16_t raw[P
     const uint32_t heading = (uint32_t)(uint16_t)raw[HEADING_HIGH] << 16 | (uint16_t)raw[HEADING_LOW];
     int32_t total = 0;
 
-    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++)
+    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++) {
         w->raw[i] = raw[i];
-    for (int i = 1; i < end; i++)
+    }
+    for (int i = 1; i < end; i++) {
         total += raw[i];
+    }
     w->total_counts = raw[GAIN] * total;
     w->heading_turn_q32 = (int32_t)(heading + (uint32_t)raw[TRIM] * 65536U);
     w->setpoint_counts_q16 = setpoint;

@@ -93,10 +93,11 @@ static void advance(vehicle_t *v, const double *duty) {
         return;
     }
     const double kick_radps2 = is->push_radps2_per_mps2 * of[PUSH_MPS2][at] + v->disturbance;
-    if (is->open_loop != 0.0)
+    if (is->open_loop != 0.0) {
         prescribe(v, of[COMMAND_MPS][at], kick_radps2);
-    else
+    } else {
         drive(v, duty, kick_radps2);
+    }
     v->rate_radps += v->turning_radps2 * is->grid_s;
     v->tilt_rad += v->rate_radps * is->grid_s;
     v->velocity_mps += v->accel_mps2 * is->grid_s;
@@ -111,8 +112,9 @@ static void follow(void *plant, double time_s, const int32_t *outputs) {
     vehicle_t *v = plant;
     const double duty = outputs ? outputs[0] / 32768.0 : 0.0;
     const int32_t until = (int32_t)floor(time_s / v->is->grid_s + 1e-6);
-    while (v->step < until)
+    while (v->step < until) {
         advance(v, outputs ? &duty : NULL);
+    }
 }
 
 static void force_g(const vehicle_t *v, double force[2]) {
@@ -133,8 +135,9 @@ static void sample(void *plant, int32_t k, double time_s, int16_t *counts, doubl
     const double rate_dps = v->rate_radps * RAD_TO_DEG, offset_g[2] = {is->offset_x_g, is->offset_z_g};
     double shaken_g[2];
     force_g(v, shaken_g);
-    for (int32_t i = 0; i < 2; i++)
+    for (int32_t i = 0; i < 2; i++) {
         shaken_g[i] += of[VIBRATION_G][i * steps + k];
+    }
     const double gyro_dps =
         is->scale * rate_dps + of[BIAS_DPS][k] + is->dps_per_g * shaken_g[0] + of[GYRO_NOISE_DPS][k];
     counts[0] = (int16_t)clip(rint(gyro_dps * is->gyro_lsb_per_dps), -32768.0, 32767.0);

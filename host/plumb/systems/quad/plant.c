@@ -72,8 +72,9 @@ static void arrive(axis_t *a, const double throttle[MOTORS], double arrived[MOTO
             arrived[i] = a->waiting[a->step % points][i];
             a->waiting[a->step % points][i] = throttle[i];
         }
-        if (arrived[i] != 0.0)
+        if (arrived[i] != 0.0) {
             a->driven = true;
+        }
     }
 }
 
@@ -105,10 +106,11 @@ static void advance(axis_t *a) {
     const numbers_t *is = a->is;
     const int32_t last = a->run->points - 1;
     a->step++;
-    if (is->open_loop != 0.0 || a->run->signals[HAND][a->step < last ? a->step : last] != 0.0 || !a->driven)
+    if (is->open_loop != 0.0 || a->run->signals[HAND][a->step < last ? a->step : last] != 0.0 || !a->driven) {
         prescribe(a);
-    else
+    } else {
         turn(a);
+    }
     double force_g[2];
     specific_force(a, force_g);
     for (int32_t i = 0; i < 2; i++) {
@@ -121,14 +123,16 @@ static void advance(axis_t *a) {
 static void follow(void *plant, double time_s, const int32_t *outputs) {
     axis_t *a = plant;
     double throttle[MOTORS] = {0.0, 0.0};
-    for (int32_t i = 0; outputs && i < MOTORS; i++)
+    for (int32_t i = 0; outputs && i < MOTORS; i++) {
         throttle[i] = clip((outputs[i] / 2.0 - a->is->pulse_zero_us) / a->is->pulse_span_us, 0.0, 1.0);
+    }
     const int32_t until = (int32_t)floor(time_s / a->is->grid_s + 1e-6);
     while (a->step < until) {
         double arrived[MOTORS];
         arrive(a, throttle, arrived);
-        for (int32_t i = 0; i < MOTORS; i++)
+        for (int32_t i = 0; i < MOTORS; i++) {
             a->speed[i] = arrived[i] + (a->speed[i] - arrived[i]) * a->is->motor_keep;
+        }
         advance(a);
     }
 }
@@ -137,14 +141,16 @@ static void fail(axis_t *a, int32_t k, double time_s, double volts[CHANNELS]) {
     for (int32_t i = 0; i < a->run->fault_count; i++) {
         const plant_fault_t *fault = &a->run->faults[i];
         const int32_t channel = (int32_t)fault->channel;
-        if (time_s < fault->start_s)
+        if (time_s < fault->start_s) {
             continue;
+        }
         if (!a->frozen[i]) {
             a->frozen[i] = true;
             a->frozen_v[i] = volts[channel];
         }
-        if (time_s >= fault->stop_s)
+        if (time_s >= fault->stop_s) {
             continue;
+        }
         switch ((plant_fault_kind_t)fault->kind) {
         case PLANT_FAULT_RAILED:
             volts[channel] = a->is->reference_v;
@@ -181,11 +187,13 @@ static void sample(void *plant, int32_t k, double time_s, int16_t *counts, doubl
         volts[1 + i] =
             is->accel_zero_v + is->accel_v_per_g * clip(force_g, -is->accel_range_g, is->accel_range_g);
     }
-    for (int32_t i = 0; i < CHANNELS; i++)
+    for (int32_t i = 0; i < CHANNELS; i++) {
         volts[i] += of[ADC_NOISE_V][i * steps + k];
+    }
     fail(a, k, time_s, volts);
-    for (int32_t i = 0; i < CHANNELS; i++)
+    for (int32_t i = 0; i < CHANNELS; i++) {
         counts[i] = (int16_t)clip(rint(volts[i] * is->adc_per_v), 0.0, is->adc_most);
+    }
     truth[0] = a->tilt_deg;
     truth[1] = of[BIAS_DPS][k];
 }

@@ -18,8 +18,9 @@ static bool lasts(const double *row, double time_s) {
 const double *happening_at(const flight_t *f, happening_t what, double time_s) {
     for (int32_t i = (int32_t)f->is->happenings - 1; i >= 0; i--) {
         const double *row = &signal_of(f, HAPPENINGS)[HAPPENS_ROW * i];
-        if ((happening_t)row[0] == what && lasts(row, time_s))
+        if ((happening_t)row[0] == what && lasts(row, time_s)) {
             return row;
+        }
     }
     return NULL;
 }
@@ -42,19 +43,23 @@ static void begin(void *plant, const plant_run_t *run) {
 static double happen(flight_t *f, double at_s) {
     const numbers_t *is = f->is;
     body_t *b = &f->body;
-    for (int32_t i = 0; i < ROTORS; i++)
+    for (int32_t i = 0; i < ROTORS; i++) {
         b->thrust_factor[i] = 1.0;
+    }
     for (int32_t i = 0; i < (int32_t)is->happenings; i++) {
         const double *row = &signal_of(f, HAPPENINGS)[HAPPENS_ROW * i];
-        if ((happening_t)row[0] == WEAK && lasts(row, at_s))
+        if ((happening_t)row[0] == WEAK && lasts(row, at_s)) {
             b->thrust_factor[(int32_t)row[4]] = 1.0 - row[3];
-        if ((happening_t)row[0] == KICK && lasts(row, at_s))
+        }
+        if ((happening_t)row[0] == KICK && lasts(row, at_s)) {
             b->rate_radps[0] += row[3] * is->period_s / (row[2] - row[1]);
+        }
     }
     const double *shaken = happening_at(f, SHAKE, at_s), *sags = happening_at(f, SAG, at_s);
     b->vibration_g = shaken ? shaken[3] : is->vibration_g;
-    if (!sags)
+    if (!sags) {
         return is->supply;
+    }
     const double since = (at_s - sags[1]) / is->sag_s;
     return is->supply * (1.0 - sags[3] * (since < 1.0 ? since : 1.0));
 }
@@ -65,8 +70,9 @@ static void spin_up(flight_t *f, double command[ROTORS]) {
         f->body.rotor_radps[i] = f->is->hover_radps;
         f->body.phase_rad[i] = signal_of(f, PHASE_RAD)[i];
         command[i] = f->is->hover_command;
-        for (int32_t late = 0; late <= DELAY_STEPS; late++)
+        for (int32_t late = 0; late <= DELAY_STEPS; late++) {
             f->waiting[late][i] = f->is->hover_command;
+        }
     }
 }
 
@@ -74,8 +80,9 @@ static void fly(flight_t *f, double at_s, double command[ROTORS]) {
     const numbers_t *is = f->is;
     const int32_t sub_steps = (int32_t)is->sub_steps;
     double wind_mps[AXES], force[AXES] = {0.0}, rate[AXES] = {0.0};
-    if (at_s < is->rest_s + is->period_s / 2.0 && is->lands == 0.0)
+    if (at_s < is->rest_s + is->period_s / 2.0 && is->lands == 0.0) {
         spin_up(f, command);
+    }
     wind_now(f, at_s, wind_mps);
     const double supply = happen(f, at_s);
     for (int32_t n = 0; n < sub_steps; n++) {
@@ -104,15 +111,18 @@ static void follow(void *plant, double time_s, const int32_t *outputs) {
     const int32_t until = (int32_t)rint(time_s / is->period_s);
     while (f->step < until) {
         double command[ROTORS];
-        for (int32_t i = 0; i < ROTORS; i++)
+        for (int32_t i = 0; i < ROTORS; i++) {
             command[i] = outputs ? clip((outputs[i] - IDLE_HALFUS) / SPAN_HALFUS, 0.0, 1.0) : 0.0;
-        if (is->ideal != 0.0)
+        }
+        if (is->ideal != 0.0) {
             ideal_command(f, command);
+        }
         const double at_s = now_s(f);
         f->step++;
         wind_advance(f);
-        if (at_s >= is->rest_s - INSTANT_S && is->held == 0.0)
+        if (at_s >= is->rest_s - INSTANT_S && is->held == 0.0) {
             fly(f, at_s, command);
+        }
         pilot_now(f);
     }
 }
@@ -120,15 +130,18 @@ static void follow(void *plant, double time_s, const int32_t *outputs) {
 static double happening_bits(const flight_t *f) {
     uint32_t bits = 0;
     const double at_s = now_s(f);
-    for (happening_t what = CUT; what <= THROTTLE; what++)
+    for (happening_t what = CUT; what <= THROTTLE; what++) {
         bits |= happening_at(f, what, at_s) ? 1U << what : 0U;
+    }
     for (int32_t i = 0; i < f->run->fault_count; i++) {
         const plant_fault_t *fault = &f->run->faults[i];
-        if (fault->start_s <= at_s && at_s < fault->stop_s)
+        if (fault->start_s <= at_s && at_s < fault->stop_s) {
             bits |= fault->channel < AXES ? GYRO_LIES : ACCEL_LIES;
+        }
     }
-    for (int32_t i = 0; i < (int32_t)f->is->happenings; i++)
+    for (int32_t i = 0; i < (int32_t)f->is->happenings; i++) {
         bits += begun(&signal_of(f, HAPPENINGS)[HAPPENS_ROW * i], at_s) ? BEGUN : 0U;
+    }
     return bits;
 }
 

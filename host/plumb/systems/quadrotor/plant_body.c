@@ -5,13 +5,15 @@
 #define LEG_COUNT 4
 
 static void to_earth(const double matrix[AXES][AXES], const double v[AXES], double found[AXES]) {
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         found[i] = matrix[i][0] * v[0] + matrix[i][1] * v[1] + matrix[i][2] * v[2];
+    }
 }
 
 static void to_body(const double matrix[AXES][AXES], const double v[AXES], double found[AXES]) {
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         found[i] = matrix[0][i] * v[0] + matrix[1][i] * v[1] + matrix[2][i] * v[2];
+    }
 }
 
 static void cross(const double a[AXES], const double b[AXES], double found[AXES]) {
@@ -58,17 +60,20 @@ static void press(const flight_t *f, const double *leg, double height, double fo
     double spun[AXES], moved[AXES], arm[AXES], pushed[AXES], along[AXES], inward[AXES], turned[AXES];
     cross(b->rate_radps, leg, spun);
     to_earth(b->matrix, spun, moved);
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         moved[i] = b->velocity_mps[i] + moved[i];
+    }
     to_earth(b->matrix, leg, arm);
     const double depth = -(height + dot(normal, arm)), rising = dot(normal, moved);
     const double pressing = is->leg_spring_npm * depth - is->leg_damper_nspm * rising;
     const double pressed = depth > 0.0 ? largest(pressing, 0.0) : 0.0;
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         along[i] = moved[i] - normal[i] * rising;
+    }
     const double slid = largest(length(along), is->creep_mps);
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         pushed[i] = normal[i] * pressed - is->friction * pressed * along[i] / slid;
+    }
     to_body(b->matrix, pushed, inward);
     cross(leg, inward, turned);
     for (int32_t i = 0; i < AXES; i++) {
@@ -80,18 +85,22 @@ static void press(const flight_t *f, const double *leg, double height, double fo
 /* Force of the ground in earth axes, N, and its torque in body axes, N m. */
 static void ground_contact(const flight_t *f, double force[AXES], double torque[AXES]) {
     const double height = dot(signal_of(f, NORMAL), f->body.position_m);
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         force[i] = torque[i] = 0.0;
-    if (!(height < f->is->reach_m))
+    }
+    if (!(height < f->is->reach_m)) {
         return;
-    for (int32_t leg = 0; leg < LEG_COUNT; leg++)
+    }
+    for (int32_t leg = 0; leg < LEG_COUNT; leg++) {
         press(f, &signal_of(f, LEGS)[AXES * leg], height, force, torque);
+    }
 }
 
 static void turn(body_t *b, const numbers_t *is) {
     double half[AXES];
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         half[i] = b->rate_radps[i] * (is->sub_step_s / 2.0);
+    }
     const double angle = length(half) + is->tiny_rad, share = sin(angle) / angle, c = cos(angle);
     const double x = half[0] * share, y = half[1] * share, z = half[2] * share;
     const double w = b->attitude[0], i = b->attitude[1], j = b->attitude[2], k = b->attitude[3];
@@ -103,8 +112,9 @@ static void turn(body_t *b, const numbers_t *is) {
     };
     const double size =
         sqrt(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2] + turned[3] * turned[3]);
-    for (int32_t n = 0; n < 4; n++)
+    for (int32_t n = 0; n < 4; n++) {
         b->attitude[n] = turned[n] / size;
+    }
     matrix_of(b->attitude, b->matrix);
 }
 
@@ -143,8 +153,9 @@ static void push(const flight_t *f, const double thrust_n[ROTORS], double spun, 
     const numbers_t *is = f->is;
     const body_t *b = &f->body;
     double past[AXES], air[AXES];
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         past[i] = b->velocity_mps[i] - wind_mps[i];
+    }
     to_body(b->matrix, past, air);
     const double speed = length(air);
     for (int32_t i = 0; i < AXES; i++) {
@@ -181,15 +192,17 @@ void body_advance(flight_t *f, const double target_radps[ROTORS], const double w
     double thrust_n[ROTORS], force[AXES], torque[AXES], momentum[AXES], whirled[AXES], gained[AXES];
     const double spun = spin(b, is, target_radps, thrust_n);
     push(f, thrust_n, spun, wind_mps, force, torque);
-    if (is->lands != 0.0)
+    if (is->lands != 0.0) {
         stand(f, force, torque);
+    }
     for (int32_t i = 0; i < AXES; i++) {
         felt[i] = force[i] / is->mass_kg;
         momentum[i] = inertia[i] * b->rate_radps[i];
     }
     cross(b->rate_radps, momentum, whirled);
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         b->rate_radps[i] += is->sub_step_s / inertia[i] * (torque[i] - whirled[i]);
+    }
     to_earth(b->matrix, felt, gained);
     gained[2] -= is->gravity_mps2;
     for (int32_t i = 0; i < AXES; i++) {

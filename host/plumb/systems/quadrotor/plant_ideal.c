@@ -6,8 +6,9 @@
 static void wanted_vertical(const flight_t *f, double wanted[AXES]) {
     const double roll = f->pilot.lean_rad[0], pitch = f->pilot.lean_rad[1];
     if (f->pilot.turn) {
-        for (int32_t i = 0; i < AXES; i++)
+        for (int32_t i = 0; i < AXES; i++) {
             wanted[i] = f->body.matrix[2][i];
+        }
         return;
     }
     wanted[0] = -sin(pitch);
@@ -39,10 +40,12 @@ void ideal_command(flight_t *f, double command[ROTORS]) {
     const numbers_t *is = f->is;
     const bool flying = !(f->pilot.landed_s <= now_s(f));
     double torque[AXES], shares[ROTORS], most = -HUGE_VAL, least = HUGE_VAL;
-    for (int32_t i = 0; i < ROTORS; i++)
+    for (int32_t i = 0; i < ROTORS; i++) {
         command[i] = 0.0;
-    if (now_s(f) < is->rest_s - INSTANT_S)
+    }
+    if (now_s(f) < is->rest_s - INSTANT_S) {
         return;
+    }
     ask_torque(f, flying, torque);
     for (int32_t i = 0; i < ROTORS; i++) {
         const double *row = &signal_of(f, THRUSTS)[ROTORS * i];
@@ -55,6 +58,7 @@ void ideal_command(flight_t *f, double command[ROTORS]) {
         shares[i] -= largest(most - 1.0, 0.0);
         least = shares[i] < least ? shares[i] : least;
     }
-    for (int32_t i = 0; flying && i < ROTORS; i++)
+    for (int32_t i = 0; flying && i < ROTORS; i++) {
         command[i] = largest(command_for(is, shares[i] + largest(-least, 0.0)), is->idle);
+    }
 }

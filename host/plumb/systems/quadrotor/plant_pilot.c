@@ -32,8 +32,9 @@ static void steer(const flight_t *f, const double *seen_m, const double *seen_mp
     const numbers_t *is = f->is;
     const double time_s = now_s(f) - is->acts_s;
     asked[0] = asked[1] = asked[2] = 0.0;
-    if (time_s < 0.0)
+    if (time_s < 0.0) {
         return;
+    }
     switch ((pilot_t)is->pilot) {
     case LEANING:
         lean(is, time_s, asked);
@@ -59,8 +60,9 @@ static double wanted_height(const flight_t *f, double *climb_mps) {
     const double begin_m = signal_of(f, BEGIN_M)[2], at_s = now_s(f),
                  risen_m = (at_s - is->rest_s) * is->climb_mps;
     *climb_mps = 0.0;
-    if (is->lands == 0.0)
+    if (is->lands == 0.0) {
         return begin_m;
+    }
     if (at_s < is->land_at_s) {
         *climb_mps = risen_m < is->climb_m ? is->climb_mps : 0.0;
         return begin_m + (risen_m < is->climb_m ? risen_m : is->climb_m);
@@ -99,8 +101,9 @@ static void receive(flight_t *f, int32_t number, bool flying) {
         sticks[2] = p->turn[4] / is->stick_yaw_dps;
         switches |= MODE_RATE;
     }
-    for (int32_t i = 0; i < AXES; i++)
+    for (int32_t i = 0; i < AXES; i++) {
         p->commands[i] = word(is, sticks[i]);
+    }
     p->commands[3] = (int16_t)switches;
     p->commands[4] = (int16_t)number;
     const double *given = happening_at(f, THROTTLE, at_s);
@@ -143,16 +146,18 @@ void pilot_now(flight_t *f) {
     p->lean_rad[0] = asked[0];
     p->lean_rad[1] = asked[1];
     p->yaw_radps = asked[2];
-    if (flying && is->held == 0.0)
+    if (flying && is->held == 0.0) {
         hold_height(f);
+    }
     p->turn = NULL;
     for (int32_t i = 0; i < (int32_t)is->turns && !p->turn; i++) {
         const double *row = &signal_of(f, TURNS)[TURN_ROW * i];
         p->turn = row[0] <= at_s && at_s < row[1] ? row : NULL;
     }
     const bool touched = is->lands != 0.0 && above_m < is->leg_down_m + is->touched_m;
-    if (touched && at_s > is->land_at_s && at_s < p->landed_s)
+    if (touched && at_s > is->land_at_s && at_s < p->landed_s) {
         p->landed_s = at_s;
+    }
     const int32_t frame = (int32_t)(at_s / is->frame_s + 1e-6);
     if (frame * is->frame_s > p->received_s && !happening_at(f, DEAF, at_s)) {
         p->received_s = frame * is->frame_s;

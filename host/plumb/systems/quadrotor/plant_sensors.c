@@ -33,8 +33,9 @@ void wind_now(const flight_t *f, double at_s, double found[AXES]) {
     const numbers_t *is = f->is;
     const double along = is->wind_mps + f->straight_mps;
     double other[2];
-    for (int32_t i = 0; i < 2; i++)
+    for (int32_t i = 0; i < 2; i++) {
         other[i] = f->second_mps[i] + ROOT_3 * (f->first_mps[i] - f->second_mps[i]);
+    }
     found[0] = along * is->east - other[0] * is->north;
     found[1] = along * is->north + other[0] * is->east;
     found[2] = other[1];

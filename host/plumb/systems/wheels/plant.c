@@ -15,9 +15,11 @@ static bool lasts(const double *row, double time_s) {
 
 /* The last of a kind that lasts; NULL: there is none. */
 static const double *happening(const vehicle_t *v, happening_t what, double time_s) {
-    for (int32_t i = (int32_t)v->is->happenings - 1; i >= 0; i--)
-        if ((happening_t)row_of(v, i)[0] == what && lasts(row_of(v, i), time_s))
+    for (int32_t i = (int32_t)v->is->happenings - 1; i >= 0; i--) {
+        if ((happening_t)row_of(v, i)[0] == what && lasts(row_of(v, i), time_s)) {
             return row_of(v, i);
+        }
+    }
     return NULL;
 }
 
@@ -27,8 +29,9 @@ static bool ridden(const vehicle_t *v, double time_s) {
 
 static bool closed(const vehicle_t *v, double time_s) {
     const double *chatters = happening(v, CHATTER, time_s);
-    if (!chatters)
+    if (!chatters) {
         return ridden(v, time_s);
+    }
     const int32_t since_ms = (int32_t)((time_s - chatters[1]) * 1000.0 + 1e-6) + (int32_t)chatters[4];
     return since_ms % (int32_t)v->is->chatter_ms < (int32_t)v->is->closed_ms;
 }
@@ -36,9 +39,11 @@ static bool closed(const vehicle_t *v, double time_s) {
 /* Bits of the wheels on ice. */
 static uint32_t icy_wheels(const vehicle_t *v, double time_s) {
     uint32_t icy = 0;
-    for (int32_t i = 0; i < (int32_t)v->is->happenings; i++)
-        if ((happening_t)row_of(v, i)[0] == ICY && lasts(row_of(v, i), time_s))
+    for (int32_t i = 0; i < (int32_t)v->is->happenings; i++) {
+        if ((happening_t)row_of(v, i)[0] == ICY && lasts(row_of(v, i), time_s)) {
             icy |= (uint32_t)row_of(v, i)[4];
+        }
+    }
     return icy;
 }
 
@@ -48,13 +53,15 @@ static outside_t outside(vehicle_t *v, double time_s) {
     const uint32_t icy = icy_wheels(v, time_s);
     for (int32_t i = 0; i < (int32_t)is->happenings; i++) {
         const double *row = row_of(v, i);
-        if (!lasts(row, time_s))
+        if (!lasts(row, time_s)) {
             continue;
+        }
         if ((happening_t)row[0] == PUSH) {
             now.push_radps2 += is->push_radps2_per_mps2 * row[3];
         } else if ((happening_t)row[0] == KERB) {
-            if (!v->kerb_stands[i])
+            if (!v->kerb_stands[i]) {
                 v->kerb_m[i] = v->way_m;
+            }
             v->kerb_stands[i] = true;
             now.kerb_m = v->kerb_m[i];
             now.kerb_side = row[4];
@@ -63,8 +70,9 @@ static outside_t outside(vehicle_t *v, double time_s) {
             now.lifted_rad = row[3] * RAD_PER_DEG;
         }
     }
-    for (int32_t i = 0; i < 2; i++)
+    for (int32_t i = 0; i < 2; i++) {
         now.grip[i] = icy >> i & 1U ? is->ice : is->grip;
+    }
     now.ridden = ridden(v, time_s);
     now.held = time_s < is->held_s;
     return now;
@@ -76,8 +84,9 @@ static int32_t sample_at(const vehicle_t *v, double time_s) {
 
 /* Number of the receiver's newest frame; 0: it is not in use. */
 static int32_t newest_frame(const vehicle_t *v, double time_s) {
-    if (v->is->by_receiver == 0.0)
+    if (v->is->by_receiver == 0.0) {
         return 0;
+    }
     const double *deaf = happening(v, DEAF, time_s);
     return (int32_t)((deaf ? deaf[1] : time_s) / v->is->frame_s + 1e-6) + 1;
 }
@@ -94,8 +103,9 @@ static void follow(void *plant, double time_s, const int32_t *outputs) {
     const int32_t until = (int32_t)floor(time_s / v->is->grid_s + 1e-6);
     while (v->step < until) {
         double duties[2];
-        for (int32_t i = 0; i < 2; i++)
+        for (int32_t i = 0; i < 2; i++) {
             duties[i] = outputs ? outputs[i] / 32768.0 : 0.0;
+        }
         const outside_t now = outside(v, v->step * v->is->grid_s);
         vehicle_advance(v, outputs ? duties : NULL, &now);
         v->step++;
@@ -119,12 +129,14 @@ static void command(vehicle_t *v, double time_s, int16_t *commands) {
 
 static double happening_bits(const vehicle_t *v, double time_s) {
     uint32_t bits = 0;
-    for (happening_t what = ICY; what < HAPPENINGS_COUNT; what++)
+    for (happening_t what = ICY; what < HAPPENINGS_COUNT; what++) {
         bits |= happening(v, what, time_s) ? 1U << what : 0U;
+    }
     for (int32_t i = 0; i < v->run->fault_count; i++) {
         const plant_fault_t *fault = &v->run->faults[i];
-        if (fault->start_s <= time_s && time_s < fault->stop_s)
+        if (fault->start_s <= time_s && time_s < fault->stop_s) {
             bits |= 1U << (FAULTY + (int32_t)fault->channel);
+        }
     }
     return bits;
 }
@@ -135,11 +147,13 @@ static void sample(void *plant, int32_t k, double time_s, int16_t *counts, doubl
     double six[2 * AXES];
     const int32_t at = sample_at(v, time_s);
     ride_six_counts(v, at, time_s, six);
-    for (int32_t i = 0; i < 4; i++)
+    for (int32_t i = 0; i < 4; i++) {
         counts[i] = (int16_t)six[taken[i]];
-    for (int32_t i = 0; i < 2; i++)
+    }
+    for (int32_t i = 0; i < 2; i++) {
         counts[4 + i] =
             (int16_t)(uint16_t)(int64_t)floor(v->rolled_rad[i] / TURN_RAD * v->is->counts_per_turn);
+    }
     counts[6] = closed(v, time_s) ? 1 : 0;
     plant_fail(v->run, &v->frozen, time_s, counts, &signal_of(v, FAULT_NOISE)[k], v->is->fault_noise_lsb,
                v->is->fault_rail_lsb);

@@ -22,8 +22,9 @@ double vehicle_slope_rad(const vehicle_t *v) {
 
 static double kerb_n(const vehicle_t *v, const outside_t *now) {
     const double depth_m = (v->way_m - now->kerb_m) * now->kerb_side;
-    if (depth_m <= 0.0)
+    if (depth_m <= 0.0) {
         return 0.0;
+    }
     const double pressed = v->is->kerb_npm * depth_m + v->is->kerb_nspm * (v->velocity_mps * now->kerb_side);
     return -now->kerb_side * (pressed > 0.0 ? pressed : 0.0);
 }
@@ -37,8 +38,9 @@ static terms_t forces(const vehicle_t *v, const double torque[2], const outside_
     t.along = is->kgm[with] * sin(centre + slope) * whirled - mass * is->gravity_mps2 * sin(slope);
     t.about = is->kgm[with] * is->gravity_mps2 * sin(centre) - torque[0] - torque[1] +
               is->kgm2[with] * (now->push_radps2 + v->turn_radps * v->turn_radps * sin(centre) * cos(centre));
-    if (now->kerb_side != 0.0)
+    if (now->kerb_side != 0.0) {
         t.along += kerb_n(v, now);
+    }
     t.coupling = is->kgm[with] * cos(centre + slope);
     t.mass = mass;
     t.inertia = is->kgm2[with];
@@ -117,8 +119,9 @@ void vehicle_advance(vehicle_t *v, const double *duties, const outside_t *now) {
         return;
     }
     double torque[2], force[2];
-    for (int32_t i = 0; i < 2; i++)
+    for (int32_t i = 0; i < 2; i++) {
         torque[i] = motor_nm(v->is, duties ? &duties[i] : NULL, v->spin_radps[i] - v->rate_radps);
+    }
     if (now->lifted) {
         carry(v, torque, now->lifted_rad);
         return;
