@@ -23,7 +23,9 @@ def test_a_scenario_of_the_attitude_raises_no_alarm(name: str) -> None:
     seed = int(np.random.default_rng([*name.encode()]).integers(1 << 30))
     run = scenarios.scenario(name, seed, seconds=30.0)
     steps = run.sensed_g.shape[1]
-    samples = Samples(np.arange(steps) * run.period_us * 1e-6, run.sensed_dps.T.copy(), run.sensed_g.T.copy())
+    samples = Samples(
+        np.asarray(np.arange(steps) * run.period_us * 1e-6, np.float64), run.sensed_dps.T.copy(), run.sensed_g.T.copy()
+    )
     assert [one for one in audit(samples).faults if one.kind != "accelerometer-sign"] == []
 
 
