@@ -9,12 +9,15 @@ from plumb.audit import mends
 from plumb.audit.audit import Audit, audit
 from plumb.audit.samples import of_columns
 from plumb.readers import recording, recording_files
+from plumb.readers.imu_files.given import Given
 from plumb.readers.recording import Recording
+from plumb.readers.recording_files import NOTHING
 
 
-def audited(path: Path, first: Sequence[str] = ()) -> Audit:
-    """Of the file with the mends `first`. Raises UsageError for a file that cannot be read, and for a wrong mend."""
-    samples = of_columns(path.name, recording_files.read(path))
+def audited(path: Path, first: Sequence[str] = (), given: Given = NOTHING, taken: list[str] | None = None) -> Audit:
+    """Of the file with the mends `first`; given, taken: as `recording_files.read` has them. Raises UsageError for a
+    file that cannot be read, and for a wrong mend."""
+    samples = of_columns(path.name, recording_files.read(path, taken, given))
     return audit(mends.mended(samples, first))
 
 

@@ -4,6 +4,7 @@
     plumb check walk.csv --out page                 the same with plots, in page/report.html
     plumb check walk.csv --mend acc*-1              the audit after a mend by hand; repeatable
     plumb check walk.csv --as-found                 the audit after all that is sure is undone
+    plumb check walk.csv --units "gyr=rad/s,acc=m/s2,time=us" --columns "time=t,gyr=wx wy wz,acc=ax ay az" --frame frd
 
 The gyro says how a direction that is fixed to the earth turns in the sensor's axes, and the accelerometer shows it:
 over the factor, the 48 ways to name axes, and lags, one fits. Nothing of an estimator is used, and no board.
@@ -31,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help="the recording")
     parser.add_argument("--mend", action="append", default=[], metavar="WORD", help="undo this first; repeatable")
     parser.add_argument("--as-found", action="store_true", help="undo all that is sure, say what, and audit again")
+    options.add_given(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, with plots")
     options.add_json(parser)
 
@@ -41,11 +43,12 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.audit.audited_files import audited
     from plumb.errors import ExitCode
 
-    found = audited(arguments.file, arguments.mend)
+    given = options.given_of(arguments)
+    found = audited(arguments.file, arguments.mend, given)
     applied: list[str] = []
     if arguments.as_found:
         applied = found.sure_mends
-        found = audited(arguments.file, [*arguments.mend, *applied])
+        found = audited(arguments.file, [*arguments.mend, *applied], given)
     if arguments.out:
         from plumb.audit import page
         from plumb.proof import report

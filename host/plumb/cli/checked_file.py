@@ -7,25 +7,29 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plumb.cli import options
+
 if TYPE_CHECKING:
     from plumb.audit.audit import Audit
     from plumb.readers.recording import Recording
 
 
 def add_as_found(parser: argparse.ArgumentParser) -> None:
-    """--as-found."""
+    """--as-found, --units, --columns, --frame."""
     parser.add_argument(
         "--as-found", action="store_true", help="of units: undo what `plumb check` is sure of, and print what that was"
     )
+    options.add_given(parser)
 
 
-def load(path: Path, as_found: bool) -> tuple[Recording, Audit]:
-    """The recording, with what is sure undone if as_found; its faults go to stderr. Raises UsageError for a file that
+def load(path: Path, arguments: argparse.Namespace) -> tuple[Recording, Audit]:
+    """The recording, with what is sure undone by --as-found; its faults go to stderr. Raises UsageError for a file that
     cannot be used."""
     from plumb.audit.audited_files import audited, recording_of
     from plumb.errors import UsageError
 
-    found = audited(path)
+    as_found = arguments.as_found
+    found = audited(path, given=options.given_of(arguments))
     try:
         loaded = recording_of(path, found, as_found)
     except UsageError as error:

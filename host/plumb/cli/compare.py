@@ -122,7 +122,7 @@ def _replayed(arguments: argparse.Namespace) -> tuple[list[Compared], tuple[Cont
         if name not in motions.MOTIONS:
             raise UsageError(f"there is no motion '{name}'; there are {', '.join(motions.MOTIONS)}")
     algorithms = contenders(arguments.algorithm or ())
-    loaded = [checked_file.load(path, arguments.as_found) for path in dict.fromkeys(arguments.file)]
+    loaded = [checked_file.load(path, arguments) for path in dict.fromkeys(arguments.file)]
     arguments.checked = {one.path.name: checked_file.told(found, arguments.as_found) for one, found in loaded}
     recorded = [motion_of(one) for one, _ in loaded]
     blocks = dict.fromkeys(arguments.decimate or [1])

@@ -47,7 +47,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.readers.replay import ReplayRequest
 
     system = options.system_with(arguments, PART)
-    loaded, checked = checked_file.load(arguments.file, arguments.as_found)
+    loaded, checked = checked_file.load(arguments.file, arguments)
     request = ReplayRequest(
         arguments.file,
         arguments.axis or "x",

@@ -16,6 +16,7 @@ from plumb.cli.whole_numbers import whole_number
 if TYPE_CHECKING:
     from plumb.boards.contract import StepBoard
     from plumb.boards.link import LinkBoard
+    from plumb.readers.imu_files.given import Given
 
 Options = argparse._ActionsContainer
 """A parser, or a group of options of one."""
@@ -275,6 +276,27 @@ def add_out(parser: Options, default: Path | None = None) -> None:
 def add_force(parser: Options) -> None:
     """--force, of a command that writes files of the user's."""
     parser.add_argument("--force", action="store_true", help="overwrite a file that exists")
+
+
+def add_given(parser: Options) -> None:
+    """--units, --columns and --frame; `given_of` parses them."""
+    parser.add_argument("--units", metavar="U", help='units of a table: "gyr=rad/s,acc=m/s2,time=us", or some of them')
+    parser.add_argument(
+        "--columns", metavar="C", help='columns of a table by name: "time=t,gyr=wx wy wz,acc=ax ay az", or some of them'
+    )
+    parser.add_argument(
+        "--frame",
+        choices=("flu", "frd", "ios", "android"),
+        help="axes as written: flu front left up (default), frd front right down; phones: x right, y to the top, z out "
+        "of the screen, android with +1 g on z face up, ios with -1 g",
+    )
+
+
+def given_of(arguments: argparse.Namespace) -> Given:
+    """What add_given's options say; raises UsageError."""
+    from plumb.readers.imu_files.given import parse
+
+    return parse(arguments.units, arguments.columns, arguments.frame)
 
 
 def add_log_run(parser: Options) -> None:

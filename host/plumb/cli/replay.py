@@ -72,7 +72,7 @@ def of_log(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
     from plumb.readers import log_replay
 
-    for option in ("axis", "period_us", "decimate", "as_found"):
+    for option in ("axis", "period_us", "decimate", "as_found", "units", "columns", "frame"):
         if getattr(arguments, option) not in (None, False):
             name = f"--{option.replace('_', '-')}"
             raise UsageError(f"{name} is for recordings in units: a log is replayed as it was recorded")
@@ -103,7 +103,7 @@ def of_units(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{wrong} is for logs: {arguments.file.name} is a recording in units")
     require_out(arguments)
     system = options.system_with(arguments, PART)
-    loaded, found = checked_file.load(arguments.file, arguments.as_found)
+    loaded, found = checked_file.load(arguments.file, arguments)
     request = replay.ReplayRequest(
         arguments.file,
         arguments.axis or "x",

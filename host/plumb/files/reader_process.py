@@ -1,10 +1,10 @@
 """The process that reads a foreign file for `plumb.files.bounded_reader`: it limits itself, then runs one reader.
 
-    python -P -m plumb.files.reader_process MODULE:FUNCTION FILE CPU_S MEMORY_BYTES WRITTEN_BYTES
+    python -P -m plumb.files.reader_process MODULE:FUNCTION FILE CPU_S MEMORY_BYTES WRITTEN_BYTES [TEXT]
 
-The reader is a generator of bytes. Its pieces go to stdout, each behind a head of one letter and its length. The
-system's limits hold where the system has them (Linux: memory and processor time; macOS: processor time); a thread that
-looks every WATCH_S holds everywhere.
+The reader is a generator of bytes, which takes the path, and TEXT where there is one. Its pieces go to stdout, each
+behind a head of one letter and its length. The system's limits hold where the system has them (Linux: memory and
+processor time; macOS: processor time); a thread that looks every WATCH_S holds everywhere.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _STATM = Path("/proc/self/statm")
 
 
 def main() -> None:
-    reader, path, cpu_s, memory_bytes, written_bytes = sys.argv[1:]
+    reader, path, cpu_s, memory_bytes, written_bytes, *more = sys.argv[1:]
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent gets it and ends this process
     out = os.dup(1)
     os.dup2(2, 1)  # a library that prints does not write into the pieces
@@ -44,7 +44,7 @@ def main() -> None:
     _limit(float(cpu_s), int(memory_bytes), int(written_bytes))
     kind, last = END, b""
     try:
-        for piece in read(Path(path)):
+        for piece in read(Path(path), *more):
             _send(out, PIECE, piece)
     except MemoryError:
         os._exit(EXIT_LARGE)

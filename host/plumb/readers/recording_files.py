@@ -20,7 +20,8 @@ import numpy as np
 from plumb.errors import UsageError
 from plumb.files import input_files
 from plumb.files.bounded_reader import MIB, Limits, pieces_of
-from plumb.readers.imu_files import text_tables
+from plumb.readers.imu_files import frames, text_tables
+from plumb.readers.imu_files.given import COLUMNS_EXAMPLE, Given, of_text
 from plumb.readers.imu_files.header_words import G_MPS2 as G_MPS2
 from plumb.spec.arrays import FloatArray
 
@@ -41,16 +42,17 @@ _ADVICE = "give a recording, .npz or .csv"
 OTHERS = ("movement", *(f"ref_{c}" for c in "wxyz"))
 """Columns of a table that are read besides time, gyro and accelerometer, by these very names."""
 _TAKEN = "taken"
+NOTHING = Given()
 _READER = f"{__name__}:pieces"
 
 
-def read(path: Path, taken: list[str] | None = None) -> Columns:
+def read(path: Path, taken: list[str] | None = None, given: Given = NOTHING) -> Columns:
     """gyr_dps and acc_g as gyr (N, 3) and acc (N, 3), time_s, and what else the file has; their shapes are unchecked.
-    The content decides on the format, not the name. taken: sentences on what was taken are added to it. Raises
-    UsageError with one sentence that names the fault."""
+    The content decides on the format, not the name. taken: sentences on what was taken are added to it. given:
+    what the file does not say of itself. Raises UsageError with one sentence that names the fault."""
     input_files.check(path, MOST_BYTES, _ADVICE)
     columns: Columns = {}
-    pieces = pieces_of(_READER, path, _ADVICE, LIMITS)
+    pieces = pieces_of(_READER, path, _ADVICE, LIMITS, given.text)
     for head in pieces:
         name, shape = json.loads(head)
         if name == _TAKEN:
@@ -59,13 +61,23 @@ def read(path: Path, taken: list[str] | None = None) -> Columns:
                 taken.extend(said)
             continue
         columns[name] = np.frombuffer(next(pieces), np.float64).reshape(shape)
-    return columns
+    return frames.turned(columns, given.frame) if given.frame else columns
 
 
-def pieces(path: Path) -> Iterator[bytes]:
+def pieces(path: Path, given_text: str = NOTHING.text) -> Iterator[bytes]:
     """Name and shape of each column as JSON, then its values as float64. Runs in the process of the reader."""
     taken: list[str] = []
-    columns = _read_npz(path) if _is_npz(path) else _read_csv(path, taken)
+    given = of_text(given_text)
+    if _is_npz(path):
+        if given.units or given.columns:
+            option = "--units" if given.units else "--columns"
+            raise UsageError(f"{option} is for tables: the arrays of {path.name} have their units and names")
+        columns = _read_npz(path)
+        taken.append("numpy .npz: time_s or rate_hz, gyr in rad/s, acc in m/s2")
+    else:
+        columns = _read_csv(path, taken, given)
+    if given.frame:
+        taken.append(f"axes {given.frame}: {frames.FRAMES[given.frame].said}")
     yield json.dumps([_TAKEN, []]).encode()
     yield json.dumps(taken).encode()
     for name, values in columns.items():
@@ -120,18 +132,18 @@ def _read_npz(path: Path) -> Columns:
     return columns
 
 
-def _read_csv(path: Path, taken: list[str]) -> Columns:
+def _read_csv(path: Path, taken: list[str], given: Given) -> Columns:
     try:
         with path.open(newline="", encoding=text_tables.encoding_of(path)) as file:
-            return _table(path, _lines(path, file), taken)
+            return _table(path, _lines(path, file), taken, given)
     except (OSError, UnicodeError, csv.Error) as error:
         raise UsageError(f"{path.name} is neither .npz nor readable CSV text ({error})") from error
 
 
-def _table(path: Path, lines: Iterator[str], taken: list[str]) -> Columns:
+def _table(path: Path, lines: Iterator[str], taken: list[str], given: Given) -> Columns:
     layout, at_line, first = None, 0, ""
     for at_line, text in enumerate(lines, 1):
-        if at_line <= text_tables.HEADER_LINES and (layout := text_tables.layout_of(text)):
+        if at_line <= text_tables.HEADER_LINES and (layout := text_tables.layout_of(text, given)):
             break
         first = first or text.strip()
         if at_line > MOST_SAMPLES + 1:
@@ -141,8 +153,11 @@ def _table(path: Path, lines: Iterator[str], taken: list[str]) -> Columns:
     if {"step", "digest"} <= set(first.split(",")):
         raise UsageError(f"{path.name} was exported from a log of a board: replay the log itself")
     if layout is None:
-        raise UsageError(f"{path.name} needs columns time_s, gyr_x_radps.. (or _dps) and acc_x_mps2.. (or _g)")
-    text_tables.check_units(path, at_line, layout)
+        raise UsageError(
+            f"{path.name} needs columns time_s, gyr_x_radps.. (or _dps) and acc_x_mps2.. (or _g); it begins with "
+            f"{first[:80]!r}: say which its columns are, as in {COLUMNS_EXAMPLE}"
+        )
+    layout = text_tables.with_units(path, at_line, layout, given)
     names = {at: f"{said.quantity}_{said.axis}" for at, said in layout.meanings.items()}
     names |= {at: name for at, name in enumerate(layout.header) if name in OTHERS and name not in names.values()}
     numbers = {name: array("d") for name in names.values()}
@@ -164,8 +179,7 @@ def _table(path: Path, lines: Iterator[str], taken: list[str]) -> Columns:
         columns["ref_quat"] = np.stack([column[f"ref_{c}"] for c in "wxyz"], 1)
     if "movement" in column:
         columns["movement"] = column["movement"]
-    taken.append(f"header in line {at_line}, separator {text_tables.SEPARATORS[layout.separator]}")
-    taken.extend(f"{said.quantity} from column {layout.header[at]!r}" for at, said in layout.meanings.items())
+    taken.extend(text_tables.sentences(layout, at_line, given))
     return columns
 
 

@@ -40,10 +40,22 @@ class Meaning:
     factor: float | None
 
 
+_BRACKET = re.compile(r"[(\[]([^()\[\]]*[^()\[\]\d][^()\[\]]*)[)\]]\s*$")
+
+
+def unit_of(header: str) -> str:
+    """The unit in the brackets of a header, or its last word where that is a unit; "" for none."""
+    text = header.strip().lower()
+    bracket = _BRACKET.search(text)
+    last = re.split(r"[\s_]+", text)[-1]
+    known = any(last in units for units in UNITS.values()) and last != text
+    return bracket[1].strip() if bracket else last if known else ""
+
+
 def meaning(header: str) -> Meaning | None:
     """The meaning of a column, None for one of no concern. Units stand in brackets or as the last word."""
     text = header.strip().strip('"').strip().lower().replace("accelerometer_m_s2[", "acc_mps2[")
-    bracket = re.search(r"[(\[]([^()\[\]]*[^()\[\]\d][^()\[\]]*)[)\]]\s*$", text)
+    bracket = _BRACKET.search(text)
     unit = bracket[1].strip() if bracket else ""
     name = text[: bracket.start()] if bracket else text
     words = [word for word in re.split(r"[\s_.\[\]:-]+", name) if word]
