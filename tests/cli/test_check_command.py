@@ -72,3 +72,22 @@ def test_the_page_has_the_finding(tmp_path: Path) -> None:
     path = saved(tmp_path, spoilt(in_the_hand(8, 100, 20.0), ("gyro-mirrored",), 8))
     assert front.main(["check", path, "--out", str(tmp_path / "page")]) == 1
     assert "gyro -y follows accelerometer y" in (tmp_path / "page/report.html").read_text(encoding="utf-8")
+
+
+def test_what_was_taken_comes_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "walk.txt"
+    good = in_the_hand(9, 100, 20.0)
+    rows = np.column_stack([good.time_s, good.gyr_dps, good.acc_g])
+    header = "t;gx;gy;gz;ax (g);ay (g);az (g)"
+    np.savetxt(path, rows, delimiter=";", header=f"a note\n{header}", comments="")
+    options = ["--units", "gyr=deg/s,time=s", "--frame", "flu"]
+    assert front.main(["check", str(path), *options]) == 0
+    assert capsys.readouterr().out.splitlines()[:5] == [
+        "read: table, header in line 2, separator semicolon",
+        "read: time from 't' in s by --units",
+        "read: gyr from 'gx', 'gy', 'gz' in deg/s by --units",
+        "read: acc from 'ax (g)', 'ay (g)', 'az (g)' in g",
+        "read: axes flu: x front, y left, z up, as plumb has",
+    ]
+    front.main(["check", str(path), *options, "--json"])
+    assert json.loads(capsys.readouterr().out)["taken"][0] == "table, header in line 2, separator semicolon"

@@ -10,7 +10,8 @@ The gyro says how a direction that is fixed to the earth turns in the sensor's a
 over the factor, the 48 ways to name axes, and lags, one fits. Nothing of an estimator is used, and no board.
 
 Each finding is `sure`, `likely` (two readings, or no motion that tells them apart: both are named) or `unknown`. A line
-that begins with ! is a fault; the mend undoes it. --as-found audits again with all that is sure undone, and prints what
+that begins with ! is a fault; the mend undoes it. The lines that begin with `read:` say what of the file was taken:
+format, header, separator, columns and units. --as-found audits again with all that is sure undone, and prints what
 that was; what is likely is never applied unless --mend names it.
 
 Exit code 0 when nothing is surely wrong, 1 when something is, 2 for a file that cannot be read.
@@ -44,7 +45,8 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import ExitCode
 
     given = options.given_of(arguments)
-    found = audited(arguments.file, arguments.mend, given)
+    taken: list[str] = []
+    found = audited(arguments.file, arguments.mend, given, taken)
     applied: list[str] = []
     if arguments.as_found:
         applied = found.sure_mends
@@ -58,17 +60,18 @@ def main(arguments: argparse.Namespace) -> int:
         )
         report.write_whole(arguments.out, {"report.html": html})
     if arguments.json:
-        print(json.dumps(to_json(arguments, found, applied)))
+        print(json.dumps(to_json(arguments, found, applied, taken)))
     else:
-        print("\n".join(lines(found, applied)))
+        print("\n".join([f"read: {one}" for one in taken] + lines(found, applied)))
         if arguments.out:
             print(f"report: {arguments.out / 'report.html'}")
     return ExitCode.BAD_VERDICT if found.sure_fault else ExitCode.GOOD
 
 
-def to_json(arguments: argparse.Namespace, found: Audit, applied: list[str]) -> dict[str, object]:
+def to_json(arguments: argparse.Namespace, found: Audit, applied: list[str], taken: list[str]) -> dict[str, object]:
     return {
         "recording": str(arguments.file),
+        "taken": taken,
         "mends": [*arguments.mend, *applied],
         "sure_fault": found.sure_fault,
         "as_found": found.sure_mends,
