@@ -8,6 +8,7 @@ Files
           (empty or nan if missing) and movement (0 or 1); further columns are ignored
     A table may also have the header of x-io, phyphox, AndroSensor or EuRoC, or one that names a time, a gyro
     and an accelerometer with their units; comma, semicolon or tab, decimal commas, UTF-8 or UTF-16. Its suffix is free.
+    PX4, blackbox_decode and Xsens MT are known by their columns.
 
 One axis. With u the vertical in sensor coordinates (the reading of an accelerometer at rest, in g), the tilt about an
 axis is the angle of u in the plane perpendicular to it, and increases with a positive rotation about it:

@@ -142,9 +142,11 @@ def _read_csv(path: Path, taken: list[str], given: Given) -> Columns:
 
 def _table(path: Path, lines: Iterator[str], taken: list[str], given: Given) -> Columns:
     layout, at_line, first = None, 0, ""
+    before: list[str] = []
     for at_line, text in enumerate(lines, 1):
-        if at_line <= text_tables.HEADER_LINES and (layout := text_tables.layout_of(text, given)):
+        if at_line <= text_tables.HEADER_LINES and (layout := text_tables.layout_of(text, given, before)):
             break
+        before += [text] if at_line <= text_tables.HEADER_LINES else []
         first = first or text.strip()
         if at_line > MOST_SAMPLES + 1:
             raise _too_long(path)
@@ -160,6 +162,7 @@ def _table(path: Path, lines: Iterator[str], taken: list[str], given: Given) -> 
     layout = text_tables.with_units(path, at_line, layout, given)
     names = {at: f"{said.quantity}_{said.axis}" for at, said in layout.meanings.items()}
     names |= {at: name for at, name in enumerate(layout.header) if name in OTHERS and name not in names.values()}
+    names |= {at: f"ref_{c}" for at, c in zip(layout.ref, "wxyz", strict=False)}
     numbers = {name: array("d") for name in names.values()}
     samples = 0
     for row_at, text in enumerate(lines, at_line + 1):

@@ -15,7 +15,7 @@ UNITS: dict[str, dict[str, float]] = {
         "mdps": 1e-3,
     },
     "acc": {
-        **dict.fromkeys(("m/s^2", "m/s2", "m/s²", "mps2", "m s^-2", "m s-2", "m_s2", "ms2"), 1.0 / G_MPS2),
+        **dict.fromkeys(("m/s^2", "m/s2", "m/s²", "mps2", "m s^-2", "m s-2", "m_s2", "ms2", "m/s/s"), 1.0 / G_MPS2),
         "g": 1.0,
         "mg": 1e-3,
     },
@@ -46,10 +46,20 @@ _BRACKET = re.compile(r"[(\[]([^()\[\]]*[^()\[\]\d][^()\[\]]*)[)\]]\s*$")
 def unit_of(header: str) -> str:
     """The unit in the brackets of a header, or its last word where that is a unit; "" for none."""
     text = header.strip().lower()
-    bracket = _BRACKET.search(text)
     last = re.split(r"[\s_]+", text)[-1]
     known = any(last in units for units in UNITS.values()) and last != text
-    return bracket[1].strip() if bracket else last if known else ""
+    return stated_unit(header) or (last if known else "")
+
+
+def stated_unit(header: str) -> str:
+    """The unit in the brackets of a header; "" for none."""
+    bracket = _BRACKET.search(header.strip().lower())
+    return bracket[1].strip() if bracket else ""
+
+
+def without_unit(header: str) -> str:
+    """The header without the unit in its brackets."""
+    return _BRACKET.sub("", header.strip()).strip()
 
 
 def meaning(header: str) -> Meaning | None:

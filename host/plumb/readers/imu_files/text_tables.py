@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from plumb.errors import UsageError
+from plumb.readers.imu_files.conventions import conventional
 from plumb.readers.imu_files.given import COUNTS, SHOWN, Given
 from plumb.readers.imu_files.header_words import UNITS, Meaning, meaning, unit_of
 
@@ -17,11 +19,15 @@ SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
 @dataclass(frozen=True)
 class Layout:
-    """separator: one character; header: its cells; meanings: by the place of a column."""
+    """separator: one character; header: its cells; meanings: by the place of a column; kind: of the file; ref: the
+    places of w, x, y, z where a convention has a reference; note: for people."""
 
     separator: str
     header: list[str]
     meanings: dict[int, Meaning]
+    kind: str = "table"
+    ref: list[int] = field(default_factory=list)
+    note: str = ""
 
 
 def encoding_of(path: Path) -> str:
@@ -29,13 +35,16 @@ def encoding_of(path: Path) -> str:
         return "utf-16" if file.read(2) in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
 
 
-def layout_of(line: str, given: Given) -> Layout | None:
+def layout_of(line: str, given: Given, before: Sequence[str] = ()) -> Layout | None:
     """The layout that a line declares, if it is the header of an IMU: it names a time and three axes of a gyro and of
-    an accelerometer. The line may be a comment. Raises csv.Error."""
+    an accelerometer. The line may be a comment. before: the lines before it. Raises csv.Error."""
     text = line.strip().lstrip("#/").strip()
     for separator in SEPARATORS:
         header = [cell.strip() for cell in next(csv.reader([text], delimiter=separator), [])]
         meanings = _named(header, given)
+        known = conventional(header, before) if not given.columns else None
+        if known:
+            return Layout(separator, header, known.meanings, known.name, known.ref, known.note)
         seen = {(said.quantity, said.axis) for said in meanings.values()}
         for at, cell in enumerate(header):
             said = meaning(cell)
@@ -86,7 +95,7 @@ def with_units(path: Path, line: int, layout: Layout, given: Given) -> Layout:
 
 def sentences(layout: Layout, line: int, given: Given) -> list[str]:
     """What was taken of a table, for people."""
-    found = [f"table, header in line {line}, separator {SEPARATORS[layout.separator]}"]
+    found = [f"{layout.kind}, header in line {line}, separator {SEPARATORS[layout.separator]}"]
     for quantity in COUNTS:
         columns = sorted(
             (said.axis, at, said.unit) for at, said in layout.meanings.items() if said.quantity == quantity
@@ -94,7 +103,7 @@ def sentences(layout: Layout, line: int, given: Given) -> list[str]:
         names = ", ".join(repr(layout.header[at]) for _, at, _ in columns)
         by = " by --units" if quantity in given.units else ""
         found.append(f"{quantity} from {names} in {', '.join(dict.fromkeys(unit for *_, unit in columns))}{by}")
-    return found
+    return [*found, layout.note] if layout.note else found
 
 
 def number(text: str, separator: str) -> float:
