@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from plumb.api.runs import run as run
     from plumb.errors import LinkError as LinkError
     from plumb.errors import PlumbError as PlumbError
+    from plumb.errors import RecordingWarning as RecordingWarning
     from plumb.errors import UsageError as UsageError
 
     __version__: str
@@ -52,6 +53,7 @@ _PLACES = {
     "Parameters": "plumb.api.parameters",
     "PlumbError": "plumb.errors",
     "Recording": "plumb.api.recordings",
+    "RecordingWarning": "plumb.errors",
     "RunResult": "plumb.api.runs",
     "Runs": "plumb.api.campaigns",
     "Sample": "plumb.api.live",
@@ -67,8 +69,8 @@ _PLACES = {
 
 __all__ = [
     "Board", "Estimate", "Estimator", "Gap", "Health", "LinkError", "LoggedRun", "ParameterDescription", "Parameters",
-    "PlumbError", "Recording", "RunResult", "Runs", "Sample", "UsageError", "aio", "connect", "golden", "load", "run",
-    "runs",
+    "PlumbError", "Recording", "RecordingWarning", "RunResult", "Runs", "Sample", "UsageError", "aio", "connect",
+    "golden", "load", "run", "runs",
 ]  # fmt: skip
 
 

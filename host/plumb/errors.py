@@ -87,6 +87,11 @@ class UnverifiedError(PlumbError):
     exit_code = ExitCode.LINK_TROUBLE
 
 
+class RecordingWarning(UserWarning):
+    """Python warning: what an audit is sure is wrong with a recording or with arrays of sensors; they are used as they
+    are."""
+
+
 NO_DEFECT = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
 """Errors of the machine, not of plumb, wherever they are raised."""
 

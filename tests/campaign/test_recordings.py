@@ -159,3 +159,19 @@ def test_a_scenario_that_cannot_be_drawn_names_the_study(tmp_path: Path, capsys:
 def test_python_names_a_folder_and_its_recordings(folder: Path) -> None:
     table = plumb.runs("attitude", runs=2, vary={"recording": list(NAMES)}, recordings=folder, workers=1).table()
     assert table["recording"] == list(NAMES) and table["steps"].tolist() == [2400, 2400]
+
+
+def test_a_campaign_says_the_faults_of_its_recordings_first(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with np.load(folder / NAMES[0]) as held:
+        np.savez(folder / "in-g.npz", **{**held, "acc": held["acc"] / 9.80665})
+    study = folder / "study.toml"
+    study.write_text(
+        f'system = "phone"\nruns = 1\nseconds = 3.0\nrecordings = "."\nvary.recording = ["in-g.npz", "{NAMES[1]}"]\n'
+    )
+    main(["campaign", str(study), "--workers", "1", "--json"])
+    said = capsys.readouterr()
+    assert said.err.startswith("plumb: warning: in-g.npz: accelerometer-units: sure")
+    check = json.loads(said.out)["check"]
+    assert list(check) == ["in-g.npz", NAMES[1]]
+    wrong = [[one["kind"] for one in check[name]["findings"] if one["wrong"]] for name in check]
+    assert "accelerometer-units" in wrong[0] and "accelerometer-units" not in wrong[1]

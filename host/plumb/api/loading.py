@@ -9,6 +9,7 @@ import numpy as np
 from plumb.api import arguments
 from plumb.api.logged import load_run
 from plumb.api.recordings import Recording
+from plumb.audit import audited_files, warned
 from plumb.errors import UsageError
 from plumb.readers import log_replay, recording
 
@@ -27,6 +28,9 @@ def load(path: Path | str, *, run: int | None = None, params: Path | str | None 
     Returns:
         The samples. Those in units are checked: finite, in the range of the firmware's calibrated values, time rising.
 
+    Warns:
+        RecordingWarning: `plumb check` is sure that something is wrong with a recording in units; it is read as it is.
+
     Raises:
         UsageError: A file that cannot be read, or that holds something else; one sentence says what.
     """
@@ -37,7 +41,9 @@ def load(path: Path | str, *, run: int | None = None, params: Path | str | None 
         return load_run(given, run, table)
     if run is not None or table is not None:
         raise UsageError(f"run and params are for logs: {given.name} is a recording in units")
-    found = recording.load(given)
+    audit = audited_files.audited(given)
+    found = audited_files.recording_of(given, audit, as_found=False)
+    warned.warn_of(audit.findings, given.name, stacklevel=2)
     return Recording(
         found.path,
         found.time_s,

@@ -22,6 +22,8 @@ from plumb.spec.arrays import BoolArray, FloatArray
 
 WINDOWS_S = (0.0, 0.04, 0.12, 0.4)
 """Lengths of a third of a window; at least one step of the grid."""
+SCREEN_WINDOW_S, SCREEN_TIE = 0.12, 0.95
+"""Of the one regression of a screen: its window, and the share of the best axes' share that counts as a tie."""
 LAGS = (0, 2, 4, 7, 11, 16, 22, 30, 38)
 """Steps of the grid to either side, of at most LONGEST_LAG_S."""
 LONGEST_LAG_S = 0.3
@@ -46,6 +48,16 @@ class Turning:
     as_read: float
     turned: FloatArray
     predicted: FloatArray
+
+
+@dataclass(frozen=True)
+class Screened:
+    """explained: the share that the best P and k explain; factor: its k; right_axes: whether P is as read, or ties with
+    it."""
+
+    explained: float
+    factor: float
+    right_axes: bool
 
 
 def _box(values: FloatArray, steps: int) -> FloatArray:
@@ -95,7 +107,6 @@ def turning_of(u: FloatArray, gyr_dps: FloatArray, usable: BoolArray, step_s: fl
     good = np.asarray(usable / (1.0 + ((np.linalg.norm(u, axis=1) - 1.0) / OFF_G) ** 2) ** 2, np.float64)
     steps = sorted({sign * lag for lag in LAGS for sign in (-1, 1) if lag < most}, key=abs)
     windows = sorted({max(1, round(one / step_s)) for one in WINDOWS_S})
-    flat = signed_axes.EVERY.reshape(48, 9)
     best: tuple[float, int, int, float, int] = (-1.0, 0, 0, 0.0, 1)
     as_read = 0.0
     # Every fourth lag chooses the length of the window, and every lag is then tried with that.
@@ -103,10 +114,7 @@ def turning_of(u: FloatArray, gyr_dps: FloatArray, usable: BoolArray, step_s: fl
         for window in windows:
             for lag in chosen:
                 products, turned = _rows(u, gyr, good, step_s, window, lag)
-                matrix, vector = _normal(products, turned)
-                bend, pull = np.einsum("pi,ij,pj->p", flat, matrix, flat), flat @ vector
-                factors = np.where(pull > 0.0, pull / np.maximum(bend, 1e-300), 0.0)
-                shares = factors * pull / max(float(np.sum(turned**2)), 1e-300)
+                factors, shares = _shares(*_normal(products, turned), turned)
                 axes = int(np.argmax(shares))
                 as_read = max(as_read, float(shares[signed_axes.AS_READ]))
                 if shares[axes] > best[0] + 1e-3:
@@ -116,6 +124,28 @@ def turning_of(u: FloatArray, gyr_dps: FloatArray, usable: BoolArray, step_s: fl
     products, turned = _rows(u, gyr, good, step_s, window, lag)
     predicted = np.einsum("abc,cd,nbd->na", _CROSS, factor * signed_axes.EVERY[axes], products)
     return Turning(share, axes, factor, lag * step_s, as_read, turned, predicted)
+
+
+def screened(u: FloatArray, gyr_dps: FloatArray, step_s: float) -> Screened | None:
+    """One regression of `turning_of`, without a lag and with one window: fast, and good for a question. None for too
+    few points."""
+    window, most = max(1, round(SCREEN_WINDOW_S / step_s)), round(LONGEST_LAG_S / step_s) + 1
+    if len(u) < 8 * window + 2 * most:
+        return None
+    good = np.asarray(1.0 / (1.0 + ((np.linalg.norm(u, axis=1) - 1.0) / OFF_G) ** 2) ** 2, np.float64)
+    products, turned = _rows(u, np.radians(gyr_dps), good, step_s, window, 0)
+    factors, shares = _shares(*_normal(products, turned), turned)
+    axes = int(np.argmax(shares))
+    tied = bool(shares[signed_axes.AS_READ] >= SCREEN_TIE * shares[axes])
+    return Screened(float(shares[axes]), float(factors[axes]), tied)
+
+
+def _shares(matrix: FloatArray, vector: FloatArray, turned: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Factor k of each of the 48 P, 0 or more, and the share of the turning that it explains."""
+    flat = signed_axes.EVERY.reshape(48, 9)
+    bend, pull = np.einsum("pi,ij,pj->p", flat, matrix, flat), flat @ vector
+    factors = np.where(pull > 0.0, pull / np.maximum(bend, 1e-300), 0.0)
+    return factors, factors * pull / max(float(np.sum(turned**2)), 1e-300)
 
 
 def _busiest(gyr: FloatArray) -> slice:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from plumb.campaign import against, page, results, statistics, violated
@@ -34,6 +35,8 @@ class Report:
     points: Sequence[Point]
     """The combinations of a grid; (): nothing is varied, or not on a grid."""
     identity: dict[str, Any]  # Any: JSON
+    checked: Mapping[str, object]
+    """What an audit found in each recording, by its name; {}: the runs are of scenarios."""
 
     def to_json(self) -> dict[str, Any]:  # Any: JSON
         """The output of `plumb campaign --json`."""
@@ -67,6 +70,7 @@ class Report:
             ],
             **({"points": [one.to_json() for one in self.points]} if self.points else {}),
             **({"limits": [one.to_json() for one in self.shares]} if self.shares else {}),
+            **({"check": dict(self.checked)} if self.checked else {}),
             **({"against": [one.to_json() for one in self.differences]} if self.differences else {}),
         }
 
@@ -158,8 +162,16 @@ class Report:
         return {**table, "summary.json": json.dumps(summary, indent=2) + "\n", "report.html": html}
 
 
-def of(study: Study, found: Results, part: Mapping[str, object], command: str, other: Results | None = None) -> Report:
-    """The report of a campaign. part: what ran it. other: the campaign that it is compared with."""
+def of(
+    study: Study,
+    found: Results,
+    part: Mapping[str, object],
+    command: str,
+    other: Results | None = None,
+    checked: Mapping[str, object] = MappingProxyType({}),
+) -> Report:
+    """The report of a campaign. part: what ran it. other: the campaign that it is compared with. checked: what an
+    audit found in the recordings, by name."""
     figures = statistics.figures(found)
     return Report(
         study,
@@ -170,4 +182,5 @@ def of(study: Study, found: Results, part: Mapping[str, object], command: str, o
         statistics.shares(found, study.limits),
         statistics.points(found) if study.vary and study.draw == GRID else [],
         {**run_identity.identity({"board": "native", **part}, None, command), "study_sha256": study.sha256()},
+        checked,
     )

@@ -20,7 +20,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plumb.cli import options
+from plumb.cli import checked_file, options
 from plumb.cli.whole_numbers import whole_number
 
 if TYPE_CHECKING:
@@ -123,13 +123,14 @@ def main(arguments: argparse.Namespace) -> int:
     other = folder.results_of(arguments.against, study) if arguments.against is not None else None
     if other is not None:
         against.check_seeds(range(study.seed(0), study.seed(study.runs - 1) + 1), other)
+    checked = checked_file.said_first(study.recording_files())
     if arguments.only is not None:
         found = Results([run_batch(study, range(arguments.only, arguments.only + 1))])
     else:
         where = campaign.Where(arguments.workers, arguments.scheduler, arguments.out, arguments.resume)
         with tqdm(total=study.runs, unit="run", desc=study.system, leave=False, disable=None) as bar:
             found = Results(campaign.run(study, where, bar.update))
-    said = report.of(study, found, identity(study), arguments.command_line, other)
+    said = report.of(study, found, identity(study), arguments.command_line, other, checked)
     written = []
     if arguments.out is not None and arguments.only is None:
         files = said.files()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,13 +38,32 @@ def load(path: Path, arguments: argparse.Namespace) -> tuple[Recording, Audit]:
         if as_found or not found.sure_mends:
             raise
         raise error.saying(f"{error}; --as-found undoes {' '.join(found.sure_mends)}") from None
-    for one in found.faults:
-        print(f"plumb: warning: {path.name}: {one.line}", file=sys.stderr)
+    _say_faults(path, found)
     if as_found:
         print(f"{path.name} as found: {' '.join(found.sure_mends) or 'nothing to undo'}", file=sys.stderr)
     elif found.sure_mends:
         print(f"plumb: warning: {path.name}: --as-found undoes {' '.join(found.sure_mends)}", file=sys.stderr)
     return loaded, found
+
+
+def said_first(paths: Iterable[Path]) -> dict[str, dict[str, object]]:
+    """For JSON: what was found in each file, by its name; the faults go to stderr. A file that cannot be read is left
+    out: whoever uses it says so."""
+    from plumb.audit.audited_files import audited
+    from plumb.errors import UsageError
+
+    found = {}
+    for path in dict.fromkeys(paths):
+        with contextlib.suppress(UsageError):
+            one = audited(path)
+            _say_faults(path, one)
+            found[path.name] = told(one, as_found=False)
+    return found
+
+
+def _say_faults(path: Path, found: Audit) -> None:
+    for one in found.faults:
+        print(f"plumb: warning: {path.name}: {one.line}", file=sys.stderr)
 
 
 def told(found: Audit, as_found: bool) -> dict[str, object]:
