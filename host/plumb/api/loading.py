@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from plumb.api import arguments
 from plumb.api.logged import load_run
 from plumb.api.recordings import Recording
 from plumb.audit import audited_files, warned
-from plumb.errors import UsageError
+from plumb.errors import RecordingWarning, UsageError
 from plumb.readers import log_replay, recording
 
 
@@ -29,7 +30,8 @@ def load(path: Path | str, *, run: int | None = None, params: Path | str | None 
         The samples. Those in units are checked: finite, in the range of the firmware's calibrated values, time rising.
 
     Warns:
-        RecordingWarning: `plumb check` is sure that something is wrong with a recording in units; it is read as it is.
+        RecordingWarning: `plumb check` is sure that something is wrong with a recording in units; it is read as it is, but
+            that rows which are the same are dropped, and stamps that a batch shares are spread.
 
     Raises:
         UsageError: A file that cannot be read, or that holds something else; one sentence says what.
@@ -44,6 +46,8 @@ def load(path: Path | str, *, run: int | None = None, params: Path | str | None 
     audit = audited_files.audited(given)
     found = audited_files.recording_of(given, audit, as_found=False)
     warned.warn_of(audit.findings, given.name, stacklevel=2)
+    for sentence in found.notes:
+        warnings.warn(f"{given.name}: {sentence}", RecordingWarning, stacklevel=2)
     return Recording(
         found.path,
         found.time_s,

@@ -140,7 +140,7 @@ def spread(time_s: FloatArray) -> FloatArray:
     steps = np.diff(stamps)
     usual = float(np.median(steps[steps > 0.0] / sizes[:-1][steps > 0.0])) if np.any(steps > 0.0) else 1.0
     # A gap after a run is no reason to spread the run over it.
-    own = np.minimum(np.append(steps, np.inf) / sizes, 2.0 * usual)
+    own = np.minimum(np.append(steps, usual * sizes[-1]) / sizes, 2.0 * usual)
     own = np.where(own > 0.0, own, usual)
     inside = np.arange(len(time_s)) - np.repeat(first, sizes)
     return np.asarray(np.repeat(stamps, sizes) + inside * np.repeat(own, sizes), np.float64)

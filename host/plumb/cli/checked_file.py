@@ -39,6 +39,8 @@ def load(path: Path, arguments: argparse.Namespace) -> tuple[Recording, Audit]:
             raise
         raise error.saying(f"{error}; --as-found undoes {' '.join(found.sure_mends)}") from None
     _say_faults(path, found)
+    for sentence in loaded.notes:
+        print(f"plumb: warning: {path.name}: {sentence}", file=sys.stderr)
     if as_found:
         print(f"{path.name} as found: {' '.join(found.sure_mends) or 'nothing to undo'}", file=sys.stderr)
     elif found.sure_mends:

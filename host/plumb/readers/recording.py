@@ -36,6 +36,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from plumb.audit import mends
+from plumb.audit.samples import Samples
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof.runs import RunInputs
@@ -70,7 +72,7 @@ _ACROSS: dict[str, tuple[tuple[int, float], tuple[int, float]]] = {
 @dataclass(frozen=True)
 class Recording:
     """A recording. time_s (N,) from 0, increasing; gyr_dps (N, 3); acc_g (N, 3); ref_quat (N, 4) or None; movement
-    (N,), all true if the file has none."""
+    (N,), all true if the file has none; notes: sentences on rows that were dropped and stamps that were spread."""
 
     path: Path
     time_s: FloatArray
@@ -78,6 +80,7 @@ class Recording:
     acc_g: FloatArray
     ref_quat: FloatArray | None
     movement: BoolArray
+    notes: tuple[str, ...] = ()
 
     @property
     def step_s(self) -> float:
@@ -125,6 +128,11 @@ def checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
         bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(1))
         if len(bad):
             raise UsageError(f"{path.name}: {name} of sample {bad[0]} is not a number; cut or repair the recording")
+    quat, movement = columns.get("ref_quat"), columns.get("movement", np.ones(n))
+    if (quat is not None and quat.shape != (n, 4)) or movement.shape != (n,):
+        raise UsageError(f"{path.name}: ref_quat is not (N, 4), or movement not (N,), for {n} samples")
+    rows, notes = _one_stamp_a_row(Samples(time_s, gyr, acc, quat, None, movement))
+    time_s, gyr, acc, n = rows.time_s, rows.gyr_dps, rows.acc_g, len(rows)
     steps_s = np.diff(time_s)
     if (steps_s <= 0.0).any():
         raise UsageError(f"{path.name}: time stands still or runs back at sample {int(np.argmax(steps_s <= 0.0)) + 1}")
@@ -135,10 +143,27 @@ def checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
     if np.max(np.abs(gyr)) > RATE_LIMIT_DPS or np.max(np.abs(acc)) > ACCEL_LIMIT_G:
         limits = f"{RATE_LIMIT_DPS:g} deg/s or {ACCEL_LIMIT_G:g} g"
         raise UsageError(f"{path.name} exceeds {limits}; are its units those of the format?")
-    quat, movement = columns.get("ref_quat"), columns.get("movement", np.ones(n))
-    if (quat is not None and quat.shape != (n, 4)) or movement.shape != (n,):
-        raise UsageError(f"{path.name}: ref_quat is not (N, 4), or movement not (N,), for {n} samples")
-    return Recording(path, time_s - time_s[0], gyr, acc, quat, np.nan_to_num(movement) != 0.0)
+    assert rows.movement is not None
+    moving = np.nan_to_num(rows.movement) != 0.0
+    return Recording(path, time_s - time_s[0], gyr, acc, rows.ref_quat, moving, tuple(notes))
+
+
+def _one_stamp_a_row(rows: Samples) -> tuple[Samples, list[str]]:
+    """Without rows that are the same as the one before, and with the stamps that a batch shares spread inside it; a
+    sentence on each. A clock that never steps forward stays as it is."""
+    notes = []
+    same = mends.repeats(rows)
+    if same.any():
+        notes.append(f"{int(same.sum())} of {len(rows)} rows are dropped: each is the same as the one before it")
+        rows = rows.rows(~same)
+    steps_s = np.diff(rows.time_s)
+    shared = int(np.sum(steps_s == 0.0))
+    if shared and not (steps_s < 0.0).any() and (steps_s > 0.0).any():
+        notes.append(
+            f"{shared} of {len(rows)} stamps are those of the row before: each batch is spread to the next stamp"
+        )
+        rows = rows.with_time(mends.spread(rows.time_s))
+    return rows, notes
 
 
 def steady(time_s: FloatArray, values: FloatArray, period_us: int) -> FloatArray:
@@ -198,6 +223,7 @@ def decimated(recording: Recording, block: int) -> Recording:
         block_means(recording.acc_g, block),
         quat,
         recording.movement[last],
+        recording.notes,
     )
 
 
