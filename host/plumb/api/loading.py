@@ -30,8 +30,8 @@ def load(path: Path | str, *, run: int | None = None, params: Path | str | None 
         The samples. Those in units are checked: finite, in the range of the firmware's calibrated values, time rising.
 
     Warns:
-        RecordingWarning: `plumb check` is sure that something is wrong with a recording in units; it is read as it is, but
-            that rows which are the same are dropped, and stamps that a batch shares are spread.
+        RecordingWarning: `plumb check` is sure that something is wrong with a recording in units. It is read as it is,
+            without rows that are the same as the one before, and with stamps that a batch shares spread.
 
     Raises:
         UsageError: A file that cannot be read, or that holds something else; one sentence says what.
