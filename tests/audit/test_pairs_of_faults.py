@@ -18,7 +18,7 @@ PAIRS = [
     for pair in itertools.combinations(FAULTS, 2)
     if len({FAULTS[one][0] for one in pair}) == 2 and {FAULTS[one][0] for one in pair} not in MIXED
 ]
-SHARE = 12
+SHARE = 25
 """One of so many pairs is tried, so that the tests stay fast."""
 
 
