@@ -282,3 +282,19 @@ def test_a_port_that_is_taken_is_one_sentence(server: PageServer, tmp_path: Path
     port = int(server.control_address.split("/")[2].split(":")[1])
     with pytest.raises(UsageError, match=f"port {port} cannot be served"), PageServer(server._board, port):
         pass
+
+
+def test_a_header_that_is_too_long_is_refused_without_a_traceback(
+    server: PageServer, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    port = int(server.control_address.split(":")[2].split("/")[0])
+    with socket.create_connection(("127.0.0.1", port), timeout=5.0) as line:
+        line.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-Long: " + b"a" * 200_000 + b"\r\n\r\n")
+        assert b" 400 " in line.recv(100)
+    assert asked(lambda client: fetched(client, server.control_address)) == 200
+    assert caplog.records == [] and "Traceback" not in capfd.readouterr().err
+
+
+async def fetched(client: aiohttp.ClientSession, address: str) -> int:
+    async with client.get(address) as answer:
+        return answer.status

@@ -15,6 +15,7 @@ import contextlib
 import hmac
 import itertools
 import json
+import logging
 import secrets
 import threading
 from collections import deque
@@ -23,6 +24,7 @@ from pathlib import Path
 from typing import Protocol
 
 from aiohttp import WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from plumb.cockpit import page_orders
 from plumb.cockpit.arming import Answer, Reply
@@ -94,6 +96,14 @@ OpenPage = Callable[[web.WebSocketResponse, Callable[[], None], int, bool], Spea
 """Makes the page of a WebSocket: abort, its number, and whether it was opened with the address of control."""
 
 
+def _logger() -> logging.Logger:
+    """Of the server: its own defects are told, and no request that is not HTTP or too long, which is answered by 400."""
+    logger = logging.getLogger(__name__)
+    if not logger.filters:
+        logger.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
+    return logger
+
+
 class PageServer:
     """Serves one loop in a thread of its own. A context manager: leaving it closes every page.
 
@@ -158,7 +168,7 @@ class PageServer:
         app.router.add_get("/{token}/live", self._live)
         app.router.add_get("/{token}/reports/{name}", self._report)
         app.router.add_get("/{token}/{asset:.*}", self._asset)
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=_logger())
         await runner.setup()
         try:
             site = web.TCPSite(runner, HOST, self._port)
