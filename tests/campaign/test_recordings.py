@@ -175,3 +175,9 @@ def test_a_campaign_says_the_faults_of_its_recordings_first(folder: Path, capsys
     assert list(check) == ["in-g.npz", NAMES[1]]
     wrong = [[one["kind"] for one in check[name]["findings"] if one["wrong"]] for name in check]
     assert "accelerometer-units" in wrong[0] and "accelerometer-units" not in wrong[1]
+
+
+@pytest.mark.parametrize(("runs", "said"), [(1, "1 run of quad from"), (2, "2 runs of quad from")])
+def test_the_number_of_runs_is_said_in_its_number(runs: int, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["campaign", "quad", "--runs", str(runs), "--seconds", "1", "--workers", "1"])
+    assert capsys.readouterr().out.startswith(said)

@@ -188,7 +188,7 @@ LOOK: dict[str, Any] = {
         ({"steps_per_s": 97.0}, "97.0 steps per second instead of 100.0"),
         ({"steps_per_s": None}, "no steps per second"),
         ({"host_lost": 5}, "2 frames were lost"),
-        ({"board_dropped": 1}, "1 frames did not fit"),
+        ({"board_dropped": 1}, "1 frame did not fit"),
         ({"saturated_steps": 8}, "outside their range"),
         ({"rate_dps": -12.0}, "a rate of -6.0 deg/s at rest"),
         ({"tilt_deg": 7.0}, "the tilt is +4.0 deg, and +1.1 deg by the accelerometer"),

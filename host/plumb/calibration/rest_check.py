@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import fmean
 
+from plumb.counted import counted
 from plumb.link import monitor
 from plumb.link.monitor import Snapshot
 from plumb.link.session import Session
@@ -43,10 +44,13 @@ def troubles(looks: Sequence[Snapshot], steps_per_s: float) -> list[str]:
     if rate is None or abs(rate / steps_per_s - 1.0) > RATE_TOLERANCE:
         shown = "no" if rate is None else f"{rate:.1f}"
         found.append(f"{shown} steps per second instead of {steps_per_s:.1f}")
-    for name, text in (("host_lost", "frames were lost"), ("board_dropped", "frames did not fit the link")):
+    for name, text in (
+        ("host_lost", ("frame was lost", "frames were lost")),
+        ("board_dropped", ("frame did not fit the link", "frames did not fit the link")),
+    ):
         first, late = looks[0][name], last[name]
         if late is not None and first is not None and late > first:
-            found.append(f"{late - first} {text}: check the link with `plumb link-test`")
+            found.append(f"{counted(late - first, *text)}: check the link with `plumb link-test`")
     if (last["saturated_steps"] or 0) > (looks[0]["saturated_steps"] or 0):
         found.append("raw counts are outside their range: check the sensors' wires and supply")
     turning = _mean(looks, "rate_dps")

@@ -13,6 +13,7 @@ from plumb.campaign.against import Difference
 from plumb.campaign.results import CONFIRMED, Results
 from plumb.campaign.statistics import Effect, Figure, Point, worst
 from plumb.campaign.study import Study
+from plumb.counted import counted
 from plumb.proof.invariants import INVARIANTS
 from plumb.proof.report import ESTIMATE, Plot, Statement, Table, page
 from plumb.proof.run_identity import rows
@@ -50,8 +51,8 @@ def text(
     parts += [differing_table(study, results)] if results.differing else []
     parts.append(Table("Identity", ["", ""], [(name, value) for name, value in rows(identity)]))
     lead = (
-        f"{len(results)} runs from seed {study.first_seed} on: {study.described()}. An interval is the 95 % interval "
-        "of the mean over all seeds (bootstrap); single runs spread wider, as the quantiles show."
+        f"{counted(len(results), 'run')} from seed {study.first_seed} on: {study.described()}. An interval is "
+        "the 95 % interval of the mean over all seeds (bootstrap); single runs spread wider, as the quantiles show."
     )
     return page(f"Campaign of {study.system}", "", lead, parts, statements)
 
@@ -64,7 +65,10 @@ def declared(study: Study) -> Mapping[str, str]:
 def invariants(study: Study, results: Results) -> Statement:
     """Whether every invariant holds in every run that came to its end."""
     found, done = results.violations, len(results) - len(results.failed)
-    text = f"{len(found)} violations in {done} runs, judged by {len(declared(study))} invariants"
+    text = (
+        f"{counted(len(found), 'violation')} in {counted(done, 'run')}, judged by "
+        f"{counted(len(declared(study)), 'invariant')}"
+    )
     return Statement("invariants", text, not found)
 
 
@@ -176,7 +180,7 @@ def failed_table(study: Study, results: Results) -> Table:
 def confirmed(study: Study, results: Results) -> Statement:
     """Whether the board that confirms gives every step of every run."""
     asked, differing = len(results) - len(results.failed), len(results.differing)
-    text = f"{asked - differing} of {asked} runs are the same on {study.confirm} in every step"
+    text = f"{asked - differing:,} of {counted(asked, 'run')} are the same on {study.confirm} in every step"
     return Statement("confirmed", text, not differing)
 
 

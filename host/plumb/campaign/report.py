@@ -14,6 +14,7 @@ from plumb.campaign.factors import GRID
 from plumb.campaign.results import CONFIRMED, Results
 from plumb.campaign.statistics import Effect, Figure, Point, Share
 from plumb.campaign.study import Study
+from plumb.counted import counted
 from plumb.errors import UsageError
 from plumb.proof import run_identity
 from plumb.proof.report import Statement
@@ -87,7 +88,7 @@ class Report:
 
     def text(self) -> str:
         """The same for a person."""
-        lines = [f"{len(self.results)} runs of {self.study.system} from seed {self.study.first_seed} on"]
+        lines = [f"{counted(len(self.results), 'run')} of {self.study.system} from seed {self.study.first_seed} on"]
         width = max((len(name) for name in self.figures), default=0)
         for name, one in self.figures.items():
             lines.append(f"  {name:<{width}}  {one}  5 % {one.p05:.4g}, 95 % {one.p95:.4g}, largest {one.max:.4g}")
@@ -114,7 +115,9 @@ class Report:
         counts = violated.counts(page.declared(self.study), found)
         lines = [str(page.invariants(self.study, self.results))]
         for one in violated.shown(found):
-            lines.append(f"violated by {counts[one.invariant]} of {len(self.results)} runs: {one} ({one.command})")
+            lines.append(
+                f"violated by {counts[one.invariant]} of {counted(len(self.results), 'run')}: {one} ({one.command})"
+            )
         return lines
 
     def _confirmed_lines(self) -> list[str]:
@@ -126,7 +129,7 @@ class Report:
         for place in differing[:SHOWN]:
             command = self.study.confirming_command(int(self.results.index[place]))
             steps = int(self.results.metrics[CONFIRMED][place])
-            lines.append(f"differs: {steps} of {self.results.steps[place]} steps ({command})")
+            lines.append(f"differs: {steps:,} of {counted(int(self.results.steps[place]), 'step')} ({command})")
         return lines
 
     def _point_lines(self) -> list[str]:

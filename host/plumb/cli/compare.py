@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 from plumb.cli import checked_file, options
 from plumb.cli.whole_numbers import whole_number
+from plumb.counted import counted
 
 if TYPE_CHECKING:
     from plumb.analyses.comparison.contenders import Contender
@@ -91,7 +92,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.out:
         from plumb.proof import report
 
-        lead = f"{len(results)} inputs, {len(algorithms)} algorithms on the same counts."
+        lead = f"{counted(len(results), 'input')}, {counted(len(algorithms), 'algorithm')} on the same counts."
         html = report.page("Tilt error, compared", "", lead, [*page.plots(results[0]), *found])
         texts = {"report.html": html, "comparison.json": json.dumps(document, indent=1) + "\n"}
         report.write_whole(arguments.out, texts)

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from plumb.cli import checked_file, options
 from plumb.cli.whole_numbers import whole_number
+from plumb.counted import counted
 
 PART, DEFAULT = "angles", "attitude"
 
@@ -61,7 +62,7 @@ def main(arguments: argparse.Namespace) -> int:
         print(f"plumb: warning: {sentence}", file=sys.stderr)
     found = page.tables(made)
     if arguments.out:
-        lead = f"{made.name} by {system}, {len(made.time_s)} steps of {made.period_us} us."
+        lead = f"{made.name} by {system}, {counted(len(made.time_s), 'step')} of {made.period_us} us."
         html = report.page(f"Angles of {made.name}", "", lead, [*page.plots(made), *found])
         report.write_whole(arguments.out, {"angles.csv": page.csv_text(made), "report.html": html})
     as_json = {**page.to_json(made), "check": checked_file.told(checked, arguments.as_found)}

@@ -26,6 +26,7 @@ import sys
 from pathlib import Path
 
 from plumb.cli import options
+from plumb.counted import counted
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,8 +71,8 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(summary))
         return 0
-    of = "" if chosen is None else f", run {chosen.number} of {chosen.of} with {chosen.run.steps} steps"
-    print(f"{arguments.log}: {log.count} frames{of}")
+    of = "" if chosen is None else f", run {chosen.number} of {chosen.of} with {counted(chosen.run.steps, 'step')}"
+    print(f"{arguments.log}: {counted(log.count, 'frame')}{of}")
     for path in arguments.files:
         print(f"file: {path}")
     return 0

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 from plumb.cli import options
 from plumb.cli.whole_numbers import whole_number
+from plumb.counted import counted
 
 if TYPE_CHECKING:
     from plumb.flash.image import ImageHeader
@@ -77,7 +78,10 @@ def main(arguments: argparse.Namespace) -> int:
     if not arguments.json:
         then = "it runs" if how["started"] else "press RESET to start it"
         jumper = "" if arguments.probe or how["asked"] else "set BOOT0 back to 0, "
-        print(f"written and read back: {len(image)} bytes in {len(flashed.pages)} pages; {jumper}{then}")
+        print(
+            f"written and read back: {counted(len(image), 'byte')} in {counted(len(flashed.pages), 'page')}; "
+            f"{jumper}{then}"
+        )
     return 0
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict
 
+from plumb.counted import counted
 from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.spec.parameters import Parameter
@@ -96,7 +97,7 @@ def listing(entries: Sequence[Listed], origin: Origin, table: Mapping[str, int])
     """One line for each quantity; a star and the tuning's value where it differs from the tuning it came from."""
     names = quantities.quantities_of(table)
     count = len(origin.differing)
-    differ = {0: "nothing differs", 1: "1 parameter differs (*)"}.get(count, f"{count} parameters differ (*)")
+    differ = f"{counted(count, 'parameter differs', 'parameters differ')} (*)" if count else "nothing differs"
     lines = [["  name", "value", "unit", "tuning", "meaning"]]
     for entry in entries:
         quantity = names[entry["name"]]

@@ -97,7 +97,7 @@ OpenPage = Callable[[web.WebSocketResponse, Callable[[], None], int, bool], Spea
 
 
 def _logger() -> logging.Logger:
-    """Of the server: its own defects are told, and no request that is not HTTP or too long, which is answered by 400."""
+    """Of the server: it tells its own defects. A request that is no HTTP, or too long, is answered by 400 alone."""
     logger = logging.getLogger(__name__)
     if not logger.filters:
         logger.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
