@@ -20,7 +20,7 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "host" / "plumb"
 FLOORS = [
-    "checkout", "version", "process_signals", "errors", "extras", "near_names", "counted", "files", "spec", "contract",
+    "checkout", "version", "process_signals", "errors", "extras", "near_names", "files", "spec", "contract",
     "physics", "kernels", "tuning", "link", "flash", "f103", "systems", "boards", "proof", "readers", "audit",
     "writers", "bridge", "calibration", "analyses", "bench", "campaign", "api", "aio", "__init__", "cockpit", "cli",
     "pytest_plugin", "judging", "__main__",

@@ -1,4 +1,4 @@
-"""Exit codes, and errors that a user can act on: one sentence each, with its exit code."""
+"""Exit codes, errors that a user can act on, one sentence each with its exit code, and counts in sentences."""
 
 from __future__ import annotations
 
@@ -117,3 +117,9 @@ def sentence_and_code(error: BaseException) -> tuple[str, int]:
     what = f"{type(error).__name__}: {said}" if said else type(error).__name__
     sentence = f"this is a defect in plumb ({what}): run it again with --debug, and report what that shows"
     return sentence, ExitCode.DEFECT
+
+
+def counted(number: int, what: str, many: str = "") -> str:
+    """The number, with commas from 1,000 on, and the noun in its number: "1 flight", "2 flights". many: the plural of a
+    noun that does not take an s."""
+    return f"{number:,} {what if number == 1 else many or what + 's'}"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from plumb.errors import UsageError
@@ -18,8 +20,8 @@ ACC_G = np.array([[0.25, -0.5, 1.0], [0.125, 0.5, -1.0], [0.0, 0.25, 1.5]])
 RADPS, MPS2 = np.radians(GYR_DPS), ACC_G * G_MPS2
 
 
-def table(header: str, columns: list[object], separator: str = ",") -> str:
-    rows = np.column_stack(columns)  # type: ignore[arg-type]
+def table(header: str, columns: Sequence[npt.ArrayLike], separator: str = ",") -> str:
+    rows = np.column_stack([np.asarray(one) for one in columns])
     return "\n".join([header, *(separator.join(f"{value:.12g}" for value in row) for row in rows)]) + "\n"
 
 

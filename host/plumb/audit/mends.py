@@ -23,6 +23,7 @@ import numpy as np
 from plumb.audit import signed_axes
 from plumb.audit.samples import Samples
 from plumb.errors import UsageError
+from plumb.readers import stamps
 from plumb.spec.arrays import FloatArray
 
 SENSORS = {"gyr": "gyr_dps", "acc": "acc_g", "time": "time_s"}
@@ -65,7 +66,7 @@ def _mended(samples: Samples, mend: str) -> Samples:
 
 def _by_name(samples: Samples, mend: str) -> Samples:
     if mend == "time:spread":
-        return samples.with_time(spread(samples.time_s))
+        return samples.with_time(stamps.spread(samples.time_s))
     if mend == "time:sort":
         return samples.rows(np.argsort(samples.time_s, kind="stable"))
     if mend == "rows:new":
@@ -132,24 +133,9 @@ def filled(time_s: FloatArray, values: FloatArray) -> FloatArray:
     return np.stack([np.interp(time_s, time_s[new], column) for column in values[new].T], 1)
 
 
-def spread(time_s: FloatArray) -> FloatArray:
-    """Each run of equal stamps spread until the next stamp; the last run by the step of the others."""
-    first = np.flatnonzero(np.concatenate([[True], np.diff(time_s) != 0.0]))
-    sizes = np.diff(np.append(first, len(time_s)))
-    stamps = time_s[first]
-    steps = np.diff(stamps)
-    usual = float(np.median(steps[steps > 0.0] / sizes[:-1][steps > 0.0])) if np.any(steps > 0.0) else 1.0
-    # A gap after a run is no reason to spread the run over it.
-    own = np.minimum(np.append(steps, usual * sizes[-1]) / sizes, 2.0 * usual)
-    own = np.where(own > 0.0, own, usual)
-    inside = np.arange(len(time_s)) - np.repeat(first, sizes)
-    return np.asarray(np.repeat(stamps, sizes) + inside * np.repeat(own, sizes), np.float64)
-
-
 def repeats(samples: Samples) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Rows whose stamp and samples are those of the row before."""
-    table = np.column_stack([samples.time_s, samples.gyr_dps, samples.acc_g])
-    return np.concatenate([[False], np.all(np.diff(table, axis=0) == 0.0, axis=1)])
+    return stamps.repeats(samples.time_s, samples.gyr_dps, samples.acc_g)
 
 
 def finite(samples: Samples) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

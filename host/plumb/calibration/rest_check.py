@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import fmean
 
-from plumb.counted import counted
+from plumb.errors import counted
 from plumb.link import monitor
 from plumb.link.monitor import Snapshot
 from plumb.link.session import Session

@@ -13,7 +13,7 @@ from plumb.campaign.against import Difference
 from plumb.campaign.results import CONFIRMED, Results
 from plumb.campaign.statistics import Effect, Figure, Point, worst
 from plumb.campaign.study import Study
-from plumb.counted import counted
+from plumb.errors import counted
 from plumb.proof.invariants import INVARIANTS
 from plumb.proof.report import ESTIMATE, Plot, Statement, Table, page
 from plumb.proof.run_identity import rows

@@ -14,8 +14,7 @@ from plumb.campaign.factors import GRID
 from plumb.campaign.results import CONFIRMED, Results
 from plumb.campaign.statistics import Effect, Figure, Point, Share
 from plumb.campaign.study import Study
-from plumb.counted import counted
-from plumb.errors import UsageError
+from plumb.errors import UsageError, counted
 from plumb.proof import run_identity
 from plumb.proof.report import Statement
 

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 from plumb.cli import checked_file, options
 from plumb.cli.whole_numbers import whole_number
-from plumb.counted import counted
+from plumb.errors import counted
 
 if TYPE_CHECKING:
     from plumb.analyses.comparison.contenders import Contender

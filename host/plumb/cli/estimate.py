@@ -19,7 +19,7 @@ from pathlib import Path
 
 from plumb.cli import checked_file, options
 from plumb.cli.whole_numbers import whole_number
-from plumb.counted import counted
+from plumb.errors import counted
 
 PART, DEFAULT = "angles", "attitude"
 

@@ -26,7 +26,7 @@ import sys
 from pathlib import Path
 
 from plumb.cli import options
-from plumb.counted import counted
+from plumb.errors import counted
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from plumb.cli import options
 from plumb.cli.whole_numbers import whole_number
-from plumb.counted import counted
+from plumb.errors import counted
 
 if TYPE_CHECKING:
     from plumb.flash.image import ImageHeader

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypedDict
 
-from plumb.counted import counted
-from plumb.errors import UsageError
+from plumb.errors import UsageError, counted
 from plumb.spec import parameters
 from plumb.spec.parameters import Parameter
 from plumb.spec.tuning import CHOICE, NUMBER

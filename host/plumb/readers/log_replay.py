@@ -18,8 +18,7 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards.contract import StepBoard
 from plumb.contract.parameters import Changes
-from plumb.counted import counted
-from plumb.errors import UnverifiedError, UsageError
+from plumb.errors import UnverifiedError, UsageError, counted
 from plumb.link.frame_formats import table
 from plumb.link.selection import raw_frames_of
 from plumb.link.used_tables import TableChange

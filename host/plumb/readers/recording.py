@@ -36,12 +36,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from plumb.audit import mends
-from plumb.audit.samples import Samples
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof.runs import RunInputs
-from plumb.readers import recording_files
+from plumb.readers import recording_files, stamps
 from plumb.readers.recording_files import G_MPS2 as G_MPS2
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.tuning import AxisTuning, Calibration, Channel
@@ -131,8 +129,9 @@ def checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
     quat, movement = columns.get("ref_quat"), columns.get("movement", np.ones(n))
     if (quat is not None and quat.shape != (n, 4)) or movement.shape != (n,):
         raise UsageError(f"{path.name}: ref_quat is not (N, 4), or movement not (N,), for {n} samples")
-    rows, notes = _one_stamp_a_row(Samples(time_s, gyr, acc, quat, None, movement))
-    time_s, gyr, acc, n = rows.time_s, rows.gyr_dps, rows.acc_g, len(rows)
+    kept, time_s, notes = _one_stamp_a_row(time_s, gyr, acc)
+    gyr, acc, movement, n = gyr[kept], acc[kept], movement[kept], len(time_s)
+    quat = None if quat is None else quat[kept]
     steps_s = np.diff(time_s)
     if (steps_s <= 0.0).any():
         raise UsageError(f"{path.name}: time stands still or runs back at sample {int(np.argmax(steps_s <= 0.0)) + 1}")
@@ -143,27 +142,26 @@ def checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
     if np.max(np.abs(gyr)) > RATE_LIMIT_DPS or np.max(np.abs(acc)) > ACCEL_LIMIT_G:
         limits = f"{RATE_LIMIT_DPS:g} deg/s or {ACCEL_LIMIT_G:g} g"
         raise UsageError(f"{path.name} exceeds {limits}; are its units those of the format?")
-    assert rows.movement is not None
-    moving = np.nan_to_num(rows.movement) != 0.0
-    return Recording(path, time_s - time_s[0], gyr, acc, rows.ref_quat, moving, tuple(notes))
+    moving = np.nan_to_num(movement) != 0.0
+    return Recording(path, time_s - time_s[0], gyr, acc, quat, moving, tuple(notes))
 
 
-def _one_stamp_a_row(rows: Samples) -> tuple[Samples, list[str]]:
-    """Without rows that are the same as the one before, and with the stamps that a batch shares spread inside it; a
-    sentence on each. A clock that never steps forward stays as it is."""
+def _one_stamp_a_row(time_s: FloatArray, gyr: FloatArray, acc: FloatArray) -> tuple[BoolArray, FloatArray, list[str]]:
+    """Rows that are kept, (N,), their stamps, and a sentence on each change: rows that are the same as the one before
+    are dropped, stamps that a batch shares are spread inside it. A clock that never steps forward stays as it is."""
     notes = []
-    same = mends.repeats(rows)
+    same = stamps.repeats(time_s, gyr, acc)
     if same.any():
-        notes.append(f"{int(same.sum())} of {len(rows)} rows are dropped: each is the same as the one before it")
-        rows = rows.rows(~same)
-    steps_s = np.diff(rows.time_s)
+        notes.append(f"{int(same.sum())} of {len(same)} rows are dropped: each is the same as the one before it")
+    own_s = time_s[~same]
+    steps_s = np.diff(own_s)
     shared = int(np.sum(steps_s == 0.0))
     if shared and not (steps_s < 0.0).any() and (steps_s > 0.0).any():
         notes.append(
-            f"{shared} of {len(rows)} stamps are those of the row before: each batch is spread to the next stamp"
+            f"{shared} of {len(own_s)} stamps are those of the row before: each batch is spread to the next stamp"
         )
-        rows = rows.with_time(mends.spread(rows.time_s))
-    return rows, notes
+        own_s = stamps.spread(own_s)
+    return ~same, own_s, notes
 
 
 def steady(time_s: FloatArray, values: FloatArray, period_us: int) -> FloatArray:
