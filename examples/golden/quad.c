@@ -20,7 +20,6 @@ int main(void) {
     int32_t setpoint;
     int16_t raw[PLUMB_RAW_MAX] = {0};
     char line[4096], *at;
-
     for (size_t count = 0; fgets(line, sizeof line, stdin) != NULL;) {
         if (strncmp(line, "kind ", 5) == 0 && strcmp(line, "kind retune\n") != 0) {
             return fputs("this port has steps and retunes alone: choose them with --vector\n", stderr), 1;
@@ -48,5 +47,4 @@ int main(void) {
             printf("%08" PRIx32 "\n", digest_crc32(&quad.words, sizeof quad.words));
         }
     }
-    return 0;
 }

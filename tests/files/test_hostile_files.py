@@ -171,8 +171,9 @@ def test_a_field_with_a_line_break_is_reported_on_one_line(tmp_path: Path) -> No
         f"{kind}_{axis}_{unit}" for kind, unit in (("gyr", "dps"), ("acc", "g")) for axis in "xyz"
     )
     path.write_text(head + '\n0,1,2,3,0,0,"1\n2"\n', encoding="utf-8")
-    with pytest.raises(UsageError, match=r"^a.csv line 2: '1\\n2' in column acc_z_g is no number$"):
+    with pytest.raises(UsageError, match=r"^a.csv line \d: .* is no number$") as refused:
         recording.load(path)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")

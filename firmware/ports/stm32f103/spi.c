@@ -16,7 +16,7 @@ void spi_init(void) {
 
 void spi_divide(uint32_t divider) {
     SPI1_CR1 = SPI1_CR1_SSM | SPI1_CR1_SSI | SPI1_CR1_MSTR | SPI1_CR1_CPOL | SPI1_CR1_CPHA |
-               divider << SPI1_CR1_BR_SHIFT | SPI1_CR1_SPE;
+               divider * SPI1_CR1_BR_LOWEST | SPI1_CR1_SPE;
 }
 
 void spi_exchange(uint8_t *bytes, uint32_t count) {

@@ -434,20 +434,20 @@
 #define I2C1_TRISE       REG32(I2C1_BASE, 0x20U)
 
 /* SPI1, RM0008 section 25.5 */
-#define SPI1_BASE         0x40013000U
-#define SPI1_CR1          REG32(SPI1_BASE, 0x00U)
-#define SPI1_CR1_CPHA     (1U << 0)
-#define SPI1_CR1_CPOL     (1U << 1)
-#define SPI1_CR1_MSTR     (1U << 2)
-#define SPI1_CR1_BR_SHIFT 3U
-#define SPI1_CR1_SPE      (1U << 6)
-#define SPI1_CR1_SSI      (1U << 8)
-#define SPI1_CR1_SSM      (1U << 9)
-#define SPI1_CR2          REG32(SPI1_BASE, 0x04U)
-#define SPI1_CR2_RXDMAEN  (1U << 0)
-#define SPI1_CR2_TXDMAEN  (1U << 1)
-#define SPI1_SR           REG32(SPI1_BASE, 0x08U)
-#define SPI1_DR           REG32(SPI1_BASE, 0x0cU)
+#define SPI1_BASE          0x40013000U
+#define SPI1_CR1           REG32(SPI1_BASE, 0x00U)
+#define SPI1_CR1_CPHA      (1U << 0)
+#define SPI1_CR1_CPOL      (1U << 1)
+#define SPI1_CR1_MSTR      (1U << 2)
+#define SPI1_CR1_BR_LOWEST 8U
+#define SPI1_CR1_SPE       (1U << 6)
+#define SPI1_CR1_SSI       (1U << 8)
+#define SPI1_CR1_SSM       (1U << 9)
+#define SPI1_CR2           REG32(SPI1_BASE, 0x04U)
+#define SPI1_CR2_RXDMAEN   (1U << 0)
+#define SPI1_CR2_TXDMAEN   (1U << 1)
+#define SPI1_SR            REG32(SPI1_BASE, 0x08U)
+#define SPI1_DR            REG32(SPI1_BASE, 0x0cU)
 
 /* Independent watchdog, RM0008 section 19.4 */
 #define WWDG_BASE    0x40002c00U

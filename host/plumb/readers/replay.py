@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from plumb import systems
 from plumb.boards.contract import StepBoard
@@ -59,6 +59,20 @@ class Replayed(Protocol):
 
 
 REPLAY = Part[Replayed]("replay", Replayed, without="no recording can be made its inputs", place="judging")
+
+
+@runtime_checkable
+class ReadsFiles(Protocol):
+    """replay.py of a system that reads further kinds of files, which are no recordings of an IMU."""
+
+    def reads_itself(self, path: Path, /) -> bool:
+        """Whether this is such a file."""
+
+
+def reads_itself(system: str, path: Path) -> bool:
+    """Whether the system itself reads this file, which then is no recording of an IMU."""
+    module = systems.load(system, REPLAY)
+    return isinstance(module, ReadsFiles) and module.reads_itself(path)
 
 
 @dataclass(frozen=True)

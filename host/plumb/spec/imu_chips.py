@@ -86,7 +86,7 @@ class Chip:
     module: tuple[tuple[str, str], ...]
     gyro: Sensor | None
     accel: Sensor | None
-    invensense: Mapping[str, Any]
+    invensense: Mapping[str, Any]  # Any: an entry of TOML
 
     @property
     def both(self) -> bool:
@@ -129,7 +129,7 @@ class Wired:
         return math.ceil(math.log2(PCLK2_KHZ / min(self.accel.spi_khz, WIRES_KHZ)))
 
 
-def _noise(given: Mapping[str, Any], hz: float, counts: float) -> tuple[float, ...]:
+def _noise(given: Mapping[str, Any], hz: float, counts: float) -> tuple[float, ...]:  # Any: an entry of TOML
     """Least noise of each axis at rest with this bandwidth, in counts rms."""
     limit_hz = given.get("noise_hz", math.inf)
     if "noise_density" in given:
@@ -139,14 +139,14 @@ def _noise(given: Mapping[str, Any], hz: float, counts: float) -> tuple[float, .
     return tuple(counts * sigma * min(1.0, math.sqrt(hz / limit_hz)) for sigma in axes)
 
 
-def _sensor(given: Mapping[str, Any]) -> Sensor:
+def _sensor(given: Mapping[str, Any]) -> Sensor:  # Any: an entry of TOML
     counts, options = given["counts_per_unit"], tuple(given["option_hz"])
     apart = 1.0 if given.get("sampled") else 0.5  # of a period: readings of an output rate, of a bandwidth
     still = tuple(limits(_noise(given, hz, counts), apart / hz) for hz in options)
     return Sensor(given["at"], counts, options, still)
 
 
-def _chip(name: str, given: dict[str, Any]) -> Chip:
+def _chip(name: str, given: dict[str, Any]) -> Chip:  # Any: an entry of TOML
     steps = tuple(Step(*step) for step in given["set_up"])
     unknown = [step.does for step in steps if step.does not in ACTIONS]
     if unknown or steps[0].does not in ("check", "known") or steps[-1].does != "await":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.judging.phone.inputs import live_run, udp
@@ -30,3 +31,8 @@ def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[st
         "received": intake.to_json(),
     }
     return live_run.inputs_of(longest, params, recorded), params, heading
+
+
+def reads_itself(path: Path) -> bool:
+    """Files of an app's datagrams."""
+    return path.is_file() and not udp.is_recording(path)

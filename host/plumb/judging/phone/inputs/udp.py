@@ -207,6 +207,11 @@ def samples_of(recorded: recording.Recording) -> Iterator[Sample]:
         yield Sample("accel", time_s, tuple(force))
 
 
+def is_recording(path: Path) -> bool:
+    """Whether a file is of plumb's own formats of recordings; another one has datagrams."""
+    return path.suffix.lower() == ".npz" or _is_table(path)
+
+
 def steps_of_file(
     path: Path, period_us: int, decimate: int = 1
 ) -> tuple[list[Step], Intake, recording.Recording | None]:
@@ -216,7 +221,7 @@ def steps_of_file(
     Raises UsageError for a file that is neither, or that makes no step.
     """
     intake, recorded = Intake(period_us), None
-    if path.suffix.lower() == ".npz" or _is_table(path):
+    if is_recording(path):
         recorded = recording.decimated(recording.load(path), decimate)
         made = (step for sample in samples_of(recorded) for step in intake.resampler.feed(sample))
     else:
