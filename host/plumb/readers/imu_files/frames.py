@@ -23,18 +23,18 @@ class Frame:
     said: str
 
 
-_PHONE = ((0, 1, 0), (-1, 0, 0), (0, 0, 1))
-_PHONE_BACK = (_HALF, 0.0, 0.0, _HALF)
+_SCREEN = ((0, 1, 0), (-1, 0, 0), (0, 0, 1))
+_SCREEN_BACK = (_HALF, 0.0, 0.0, _HALF)
 FRAMES = {
     "flu": Frame(((1, 0, 0), (0, 1, 0), (0, 0, 1)), 1.0, (1.0, 0.0, 0.0, 0.0), "x front, y left, z up, as plumb has"),
     "frd": Frame(((1, 0, 0), (0, -1, 0), (0, 0, -1)), 1.0, (0.0, 1.0, 0.0, 0.0),
                  "x front, y right, z down; level at rest z reads -1 g"),
-    "android": Frame(_PHONE, 1.0, _PHONE_BACK,
-                     "a phone's: x right, y to its top, z out of the screen; face up z reads +1 g"),
-    "ios": Frame(_PHONE, -1.0, _PHONE_BACK,
-                 "a phone's: x right, y to its top, z out of the screen; face up z reads -1 g (Core Motion)"),
+    "android": Frame(_SCREEN, 1.0, _SCREEN_BACK,
+                     "x right, y to the upper edge, z out of the screen; face up z reads +1 g"),
+    "ios": Frame(_SCREEN, -1.0, _SCREEN_BACK,
+                 "x right, y to the upper edge, z out of the screen; face up z reads -1 g (Core Motion)"),
 }  # fmt: skip
-"""The front of a phone is its top."""
+"""The front of a device with a screen is its upper edge."""
 
 
 def turned(columns: dict[str, FloatArray], name: str) -> dict[str, FloatArray]:
