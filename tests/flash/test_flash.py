@@ -98,7 +98,7 @@ def test_without_json_one_line(small: Path, capsys: pytest.CaptureFixture[str]) 
     with Bootloader() as chip:
         assert flash(chip, small) == 0
     (line,) = capsys.readouterr().out.splitlines()
-    assert "2100 bytes in 3 pages" in line and "BOOT0 back to 0" in line
+    assert "2,100 bytes in 3 pages" in line and "BOOT0 back to 0" in line
 
 
 # Bytes after the sync: GET 0-1, GET ID 2-3, READ of the size 4-12, ERASE of three pages 13-27, then WRITE: command
