@@ -10,25 +10,18 @@
 #include "board_battery.h"
 #include "board_guard.h"
 #include "board_links.h"
-#include "board_receiver.h"
 #include "board_sensors.h"
 #include "generated/messages.h"
 #include "generated/used_parts.h"
-#include "link/requests.h"
 #include "link/session.h"
 #include "link/stepping.h"
-#include "link/switches.h"
+#include "loop_links.h"
 #include "systems/control.h"
 #include <string.h>
 
-#define SHORT_TURNS   USED_ACTUATORS /* a board that is never armed has time for whole ones */
-#define DEADLINE_US   10000U         /* from a whole turn to the next; outputs must be safe within 50 ms */
-#define FED_FOR_US    4000U          /* after a whole turn, in which short ones feed the watchdog */
-#define UART_PER_TURN 64U            /* bytes */
-/* In real time less than two requests of 22 bytes: a commit takes 0.17 ms, and a step may be due every
- * 0.5 ms. */
-#define REALTIME_PER_TURN 32U
-#define CAN_PER_TURN      16U /* frames: a flood of them must not keep the loop from its steps */
+#define SHORT_TURNS USED_ACTUATORS /* a board that is never armed has time for whole ones */
+#define DEADLINE_US 10000U         /* from a whole turn to the next; outputs must be safe within 50 ms */
+#define FED_FOR_US  4000U          /* after a whole turn, in which short ones feed the watchdog */
 
 BOARD_GUARDED static control_t control;
 BOARD_GUARDED static session_t session;
@@ -50,51 +43,6 @@ BOARD_GUARDED static struct {
     bool switch_closed;
 #endif
 } turn;
-
-/* Passes the input of both links to the session, no more than the session has room to answer. */
-static void receive(uint32_t now_us) {
-    uint8_t bytes[UART_PER_TURN];
-    const size_t room = requests_room(&session);
-    const size_t most = session.run.mode == RUN_REALTIME ? REALTIME_PER_TURN : UART_PER_TURN;
-    const size_t count = board_uart_read(bytes, room < most ? room : most);
-    requests_receive(&session, bytes, count, now_us);
-
-    can_frame_t frame;
-    for (unsigned i = 0U; i < CAN_PER_TURN && requests_frame_room(&session) && board_can_read(&frame); i++) {
-        requests_receive_frame(&session, &frame, now_us);
-    }
-}
-
-#if USED_RECEIVER
-/* Passes the bytes and the edges of the receiver to the session. */
-static void receive_sticks(uint32_t now_us) {
-    uint8_t bytes[32];
-    uint16_t stamps_us[16];
-    size_t count;
-    do {
-        count = board_receiver_read(bytes, sizeof bytes);
-        session_receive_sticks(&session, bytes, count, now_us);
-    } while (count == sizeof bytes);
-    count = board_receiver_edges(stamps_us, sizeof stamps_us / sizeof stamps_us[0]);
-    session_receive_edges(&session, stamps_us, count, now_us);
-}
-#endif
-
-/* Sends the session's output, as much as the UART and CAN accept. */
-static void transmit(void) {
-    uint8_t bytes[4U * SLCAN_FRAME_CHARS];
-    size_t count;
-    do {
-        const size_t room = board_uart_room();
-        count = session_transmit(&buffers, bytes, room < sizeof bytes ? room : sizeof bytes);
-        (void)board_uart_write(bytes, count);
-    } while (count > 0U);
-
-    can_frame_t frame;
-    while (board_can_room() && session_transmit_frame(&buffers, &frame)) {
-        board_can_send(&frame);
-    }
-}
 
 /* True when a step is due, with its inputs: in lockstep when the host has sent a sample, in real time when
  * the timer ticks. */
@@ -266,9 +214,9 @@ static void whole_turn(void) {
     }
     board_turn();
     const uint32_t now_us = board_now_us();
-    receive(now_us);
+    loop_links_receive(&session, now_us);
 #if USED_RECEIVER
-    receive_sticks(now_us);
+    loop_links_receive_sticks(&session, now_us);
 #endif
     report(now_us);
     session_poll(&session, now_us);
@@ -280,7 +228,7 @@ static void whole_turn(void) {
     board_can_join(orders.can_kbit, messages_from_host, MESSAGES_FROM_HOST);
     obey(&orders);
     run_steps(&orders);
-    transmit();
+    loop_links_transmit(&buffers);
     if (orders.bootloader) {
         board_enter_bootloader();
     }
@@ -298,7 +246,7 @@ void loop_turn(void) {
         if (turn.fed && now_us - turn.us <= FED_FOR_US) {
             board_feed_watchdog();
         }
-        transmit();
+        loop_links_transmit(&buffers);
         return;
     }
 #endif

@@ -1,8 +1,8 @@
 /* Session: everything between the links and the control step, composed from the modules below.
  *
  * Each module owns one part of the state: a struct that only the file of the same name writes. Calls go
- * downwards only: requests.c (the requests of a host) calls the session, the session calls the modules, and
- * no module knows the session.
+ * downwards only: requests.c and what it calls for the requests of a host (execution.c, run_requests.c,
+ * table_requests.c) call the session, the session calls the modules, and no module knows the session.
  *
  *     routing     links: open, greeted, what was received; outboxes
  *     run         injected samples, setpoints, step counter
@@ -95,7 +95,7 @@ size_t session_transmit(session_buffers_t *buffers, uint8_t *out, size_t room);
 /* Remove the next frame for CAN; false when none waits. */
 bool session_transmit_frame(session_buffers_t *buffers, can_frame_t *frame);
 
-/* ---- for requests.c, which has checked nonce and permission ---- */
+/* ---- for the requests of a host, whose nonce and permission have been checked ---- */
 
 /* Put the staged parameters into use, between two steps. Call only while no run is on, or when only live
  * parameters change: the run goes on without a jump of its outputs (control_retune()). */

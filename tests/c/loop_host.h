@@ -1,5 +1,5 @@
 /* A host of the native board, over UART or over CAN: it asks and receives, saves parameters, begins a run and
- * arms. Included once, by test_main_loop.c. */
+ * arms. For the tests of the main loop. */
 #ifndef PLUMB_TESTS_LOOP_HOST_H
 #define PLUMB_TESTS_LOOP_HOST_H
 
@@ -30,7 +30,7 @@ static can_frame_t received[FRAMES_MAX];
 static size_t received_count;
 static bool keeps_alive;
 
-static void put(const can_frame_t *f) {
+static inline void put(const can_frame_t *f) {
     if (way == OVER_CAN) {
         native_frame_t frame = {.id = f->id, .dlc = f->dlc};
         memcpy(frame.data, f->data, sizeof frame.data);
@@ -41,7 +41,7 @@ static void put(const can_frame_t *f) {
     }
 }
 
-static void say(uint16_t id, uint16_t half, uint32_t word) {
+static inline void say(uint16_t id, uint16_t half, uint32_t word) {
     can_frame_t f = {.id = id, .dlc = CAN_FRAME_DLC};
     f.data[2] = (uint8_t)(half & 0xFFU);
     f.data[3] = (uint8_t)(half >> 8);
@@ -52,15 +52,15 @@ static void say(uint16_t id, uint16_t half, uint32_t word) {
     put(&f);
 }
 
-static uint16_t half_of(const can_frame_t *f) {
+static inline uint16_t half_of(const can_frame_t *f) {
     return (uint16_t)(f->data[2] | f->data[3] << 8);
 }
 
-static uint32_t word_of(const can_frame_t *f) {
+static inline uint32_t word_of(const can_frame_t *f) {
     return f->data[4] | (uint32_t)f->data[5] << 8 | (uint32_t)f->data[6] << 16 | (uint32_t)f->data[7] << 24;
 }
 
-static void note(const can_frame_t *f) {
+static inline void note(const can_frame_t *f) {
     if (!e2e_check(f)) {
         CHECK(!"a frame of the board is damaged");
         return;
@@ -73,7 +73,7 @@ static void note(const can_frame_t *f) {
     }
 }
 
-static void listen(void) {
+static inline void listen(void) {
     uint8_t bytes[256];
     size_t count;
     while ((count = native_uart_receive(bytes, sizeof bytes)) > 0U) {
@@ -94,7 +94,7 @@ static void listen(void) {
     }
 }
 
-static void pass(uint32_t us) {
+static inline void pass(uint32_t us) {
     for (uint32_t passed = 0; passed < us; passed += 1000U) {
         native_run(us - passed < 1000U ? us - passed : 1000U);
         listen();
@@ -102,7 +102,7 @@ static void pass(uint32_t us) {
 }
 
 /* The last frame with this identifier since `say`; NULL: none. */
-static const can_frame_t *last(uint16_t id) {
+static inline const can_frame_t *last(uint16_t id) {
     for (size_t i = received_count; i > 0; i--) {
         if (received[i - 1U].id == id) {
             return &received[i - 1U];
@@ -111,7 +111,7 @@ static const can_frame_t *last(uint16_t id) {
     return NULL;
 }
 
-static size_t count_of(uint16_t id) {
+static inline size_t count_of(uint16_t id) {
     size_t count = 0;
     for (size_t i = 0; i < received_count; i++) {
         count += received[i].id == id;
@@ -119,7 +119,7 @@ static size_t count_of(uint16_t id) {
     return count;
 }
 
-static uint32_t ask(uint16_t id, uint16_t half, uint32_t word, uint16_t answer) {
+static inline uint32_t ask(uint16_t id, uint16_t half, uint32_t word, uint16_t answer) {
     received_count = 0;
     say(id, half, word);
     pass(5000);
@@ -128,7 +128,7 @@ static uint32_t ask(uint16_t id, uint16_t half, uint32_t word, uint16_t answer) 
     return f != NULL ? word_of(f) : 0U;
 }
 
-static void open_link(void) {
+static inline void open_link(void) {
     counter = 0;
     slcan_rx_init(&parser);
     pass(2000); /* CAN joins its bus */
@@ -140,7 +140,7 @@ static void open_link(void) {
     pass(50000);
 }
 
-static bool execute(uint16_t verb) {
+static inline bool execute(uint16_t verb) {
     const uint32_t nonce = ask(MESSAGE_CHALLENGE_ID, verb, ASKER, MESSAGE_NONCE_ID);
     received_count = 0;
     say(MESSAGE_EXECUTE_ID, verb, nonce ^ ASKER);
@@ -148,13 +148,13 @@ static bool execute(uint16_t verb) {
     return last(MESSAGE_ACK_ID) != NULL && last(MESSAGE_NACK_ID) == NULL;
 }
 
-static void begin(uint16_t run) {
+static inline void begin(uint16_t run) {
     const uint32_t nonce = ask(MESSAGE_CHALLENGE_ID, run, 0, MESSAGE_NONCE_ID);
     (void)ask(MESSAGE_RUN_BEGIN_ID, run, nonce, MESSAGE_ACK_ID);
 }
 
 /* The default table as this system, on the pins that drive it. */
-static params_t table(uint32_t system) {
+static inline params_t table(uint32_t system) {
     params_t p;
     params_default(&p);
     p.control.system = system;
@@ -165,7 +165,7 @@ static params_t table(uint32_t system) {
     return p;
 }
 
-static void upload(const params_t *p) {
+static inline void upload(const params_t *p) {
     params_t defaults;
     params_default(&defaults);
     for (uint16_t i = 0; i < PARAMS_COUNT; i++) {
@@ -177,7 +177,7 @@ static void upload(const params_t *p) {
 }
 
 /* A board that has saved its parameters as this system and was switched on with its strap. */
-static void system_board(uint32_t system) {
+static inline void system_board(uint32_t system) {
     const params_t p = table(system);
     keeps_alive = false;
     native_defaults();
@@ -193,19 +193,43 @@ static void system_board(uint32_t system) {
     CHECK(ask(MESSAGE_PARAM_GET_ID, SYSTEM_ROW, 0, MESSAGE_PARAM_VALUE_ID) == system);
 }
 
-static const control_system_t *declared(uint32_t system) {
+static inline const control_system_t *declared(uint32_t system) {
     const params_t p = table(system);
     return control_system(&p.control);
 }
 
-static bool safe(void) {
+static inline bool safe(void) {
     const bool resting = native.pulse_halfus[0] == NEUTRAL_HALFUS && native.pulse_halfus[1] == NEUTRAL_HALFUS;
     const bool undriven = native.pulse_halfus[0] == 0U && native.pulse_halfus[1] == 0U;
     return (resting || undriven) && native.bridge_on == 0U;
 }
 
+/* Time in us, at most limit_us, until the board says this about a word of a frame; limit_us: it does not. */
+static inline uint32_t reported_after_us(uint16_t id, unsigned byte, uint8_t bit, uint32_t limit_us) {
+    uint32_t us = 0;
+    for (received_count = 0; us < limit_us; us += 1000U) {
+        const can_frame_t *const f = last(id);
+        if (f != NULL && (f->data[byte] >> bit & 1U) != 0U) {
+            break;
+        }
+        pass(1000);
+    }
+    return us;
+}
+
+/* The moment at which the periodic report is longest away. */
+static inline void wait_for_report(void) {
+    pass(50000); /* earlier changes have been reported */
+    received_count = 0;
+    for (unsigned i = 0; i < 200U && last(MESSAGE_STATUS_ID) == NULL; i++) {
+        pass(1000);
+    }
+    CHECK(last(MESSAGE_STATUS_ID) != NULL);
+    pass(5000);
+}
+
 /* Armed over this link, kept alive, the outputs away from neutral. */
-static void drive(void) {
+static inline void drive(void) {
     keeps_alive = true;
     begin(MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
     pass(READY_US);

@@ -51,7 +51,8 @@ def unreached(folder: Path, vectors: Path) -> list[Unreached]:
     """The branches of the core that the vectors leave out."""
     library, raw, merged = folder / "core.so", folder / "core.profraw", folder / "core.profdata"
     units = [*FIRMWARE.glob("core/*.c"), *FIRMWARE.glob("systems/*.c")]
-    units += [FIRMWARE / "generated/systems.c", FIRMWARE / "ports/batch/batch.c"]
+    units += [FIRMWARE / "generated/systems.c"]
+    units += [FIRMWARE / f"ports/batch/{name}.c" for name in ("batch", "blocks", "checks")]
     _run(
         "clang", "-std=c99", "-O0", "-fPIC", "-shared", "-w", "-fprofile-instr-generate", "-fcoverage-mapping",
         f"-I{FIRMWARE}", f"-I{FIRMWARE}/include", f"-I{BUILT}", "-o", library, *units,

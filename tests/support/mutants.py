@@ -168,7 +168,8 @@ class Workshop:
         self._folder = folder
         self._compiler = [compiler, "-std=c99", "-w", "-fPIC", *options]
         units = [*FIRMWARE.glob("core/*.c"), *FIRMWARE.glob("systems/*.c")]
-        units += [FIRMWARE / "generated/systems.c", FIRMWARE / "ports/batch/batch.c"]
+        units += [FIRMWARE / "generated/systems.c"]
+        units += [FIRMWARE / f"ports/batch/{name}.c" for name in ("batch", "blocks", "checks")]
         self._units = sorted(path.relative_to(FIRMWARE).as_posix() for path in units)
         self._needs = {unit: self._included(unit) for unit in self._units}
         self._objects = {unit: folder / (unit.replace("/", "_") + ".o") for unit in self._units}

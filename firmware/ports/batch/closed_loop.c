@@ -1,13 +1,6 @@
 /* Whole runs of a system and its plant in C: the loop of plumb.proof.runs.closed_loop for batches of runs. */
+#include "entry.h"
 #include "plant.h"
-#include "systems/control.h"
-#include <string.h>
-
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
 
 #define OUTPUTS_MAX 16
 

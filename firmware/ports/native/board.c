@@ -1,4 +1,4 @@
-/* The functions of board.h that are not in actuators.c, guard.c, links.c or sensors.c. */
+/* The functions of board.h that are not in actuators.c, can.c, guard.c, sensors.c or uart.c. */
 #include "port.h"
 
 void board_init(const board_setup_t *setup) {
@@ -17,7 +17,7 @@ void board_init(const board_setup_t *setup) {
 }
 
 static uint32_t faults(void) {
-    return native.faults | port.faults | guard_faults() | links_faults() | sensors_faults() |
+    return native.faults | port.faults | guard_faults() | uart_faults() | can_faults() | sensors_faults() |
            actuators_faults() | (port.stalled ? BOARD_FAULT_STALLED : 0U);
 }
 
@@ -27,7 +27,7 @@ uint32_t board_faults(void) {
 }
 
 bool board_work_waits(void) {
-    return (faults() & ~port.known) != 0U || links_wait();
+    return (faults() & ~port.known) != 0U || can_waits() || uart_waits();
 }
 
 uint32_t board_now_us(void) {

@@ -59,7 +59,8 @@ static void run_loop(void (*part)(void)) {
 static void start(uint32_t cause) {
     port = (port_t){.now_us = port.now_us, .clock_offset_us = port.clock_offset_us};
     guard_reset();
-    links_reset();
+    uart_reset();
+    can_reset();
     receiver_reset();
     sensors_reset();
     port.fed_us = port.turned_us = port.slept_us = port.now_us;
@@ -77,7 +78,8 @@ static void advance_to(uint64_t us) {
     if (native.state != NATIVE_RUNNING) {
         return;
     }
-    links_advance();
+    uart_advance();
+    can_advance();
     sensors_advance();
     actuators_advance();
     if (port.driving && port.now_us - port.turned_us >= STALL_US) {
@@ -100,9 +102,9 @@ static uint64_t whole_us(uint64_t ns) {
 static void pass_until(uint64_t until_us) {
     while (port.now_us < until_us) {
         uint64_t next_us = until_us;
-        const uint64_t events[] = {whole_us(links_next_ns()), whole_us(sensors_next_ns()),
-                                   port.driving ? port.turned_us + STALL_US : UINT64_MAX,
-                                   port.fed_us + WATCHDOG_US};
+        const uint64_t events[] = {
+            whole_us(uart_next_ns()), whole_us(can_next_ns()), whole_us(sensors_next_ns()),
+            port.driving ? port.turned_us + STALL_US : UINT64_MAX, port.fed_us + WATCHDOG_US};
         for (size_t i = 0U; i < sizeof events / sizeof events[0] && native.state == NATIVE_RUNNING; i++) {
             if (events[i] > port.now_us && events[i] < next_us) {
                 next_us = events[i];
@@ -131,7 +133,8 @@ static void turn(void) {
         pass_until(end_us); /* an event in between wakes the loop when it sleeps */
         port.wake = port.wake || wake;
     }
-    links_advance();
+    uart_advance();
+    can_advance();
 }
 
 static uint64_t wakes_us(void) {
@@ -164,7 +167,8 @@ void native_turn(uint32_t us) {
         port.wake = false;
         pass_until(end_us);
     }
-    links_advance();
+    uart_advance();
+    can_advance();
     if (loop_lives()) {
         turn();
     }
@@ -198,7 +202,8 @@ void native_defaults(void) {
     port.clock_offset_us = 0U;
     flash_blank();
     flash_half_done = flash_at_work;
-    links_unplug();
+    uart_unplug();
+    can_unplug();
     receiver_unplug();
 }
 
@@ -228,6 +233,7 @@ void native_power_off(void) {
     }
     native.bridge_on = 0U;
     native.duty_q15 = 0;
-    links_unplug();
+    uart_unplug();
+    can_unplug();
     receiver_unplug();
 }

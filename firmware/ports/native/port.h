@@ -52,12 +52,18 @@ void port_clear_stall(void);
 void guard_reset(void);
 void guard_clock_upset(void);
 uint32_t guard_faults(void);
-void links_reset(void);
-void links_advance(void);
-uint64_t links_next_ns(void);
-uint32_t links_faults(void);
-bool links_wait(void);   /* received bytes or frames wait */
-void links_unplug(void); /* drops the bytes and frames on the lines */
+void uart_reset(void);
+void uart_advance(void);
+uint64_t uart_next_ns(void);
+uint32_t uart_faults(void); /* with the receiver's errors */
+bool uart_waits(void);      /* received bytes wait */
+void uart_unplug(void);     /* drops the bytes on the lines */
+void can_reset(void);
+void can_advance(void);
+uint64_t can_next_ns(void);
+uint32_t can_faults(void);
+bool can_waits(void); /* received frames wait */
+void can_unplug(void);
 void receiver_reset(void);
 uint32_t receiver_errors(void); /* bytes that were lost; stops at 255 */
 void receiver_unplug(void);

@@ -33,7 +33,7 @@ add_custom_target(build_id BYPRODUCTS ${BUILD_ID}
 
 file(GLOB PORT_SOURCES CONFIGURE_DEPENDS firmware/ports/stm32f103/*.c)
 set(LINKER_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/ports/stm32f103/stm32f103.ld)
-add_executable(firmware firmware/app/loop.c ${PORT_SOURCES} ${GENERATED_INCLUDE}/generated/chips.c)
+add_executable(firmware firmware/app/loop.c firmware/app/loop_links.c ${PORT_SOURCES} ${GENERATED_INCLUDE}/generated/chips.c)
 add_dependencies(firmware build_id)
 set_target_properties(firmware PROPERTIES SUFFIX .elf LINK_DEPENDS ${LINKER_SCRIPT})
 target_include_directories(firmware PRIVATE ${CMAKE_BINARY_DIR}/generated firmware/ports/stm32f103)

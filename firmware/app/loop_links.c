@@ -1,0 +1,53 @@
+#include "loop_links.h"
+#include "board_links.h"
+#include "board_receiver.h"
+#include "link/requests.h"
+#include "link/switches.h"
+
+#define UART_PER_TURN 64U /* bytes */
+/* In real time less than two requests of 22 bytes: a commit takes 0.17 ms, and a step may be due every
+ * 0.5 ms. */
+#define REALTIME_PER_TURN 32U
+#define CAN_PER_TURN      16U /* frames: a flood of them must not keep the loop from its steps */
+
+void loop_links_receive(session_t *s, uint32_t now_us) {
+    uint8_t bytes[UART_PER_TURN];
+    const size_t room = requests_room(s);
+    const size_t most = s->run.mode == RUN_REALTIME ? REALTIME_PER_TURN : UART_PER_TURN;
+    const size_t count = board_uart_read(bytes, room < most ? room : most);
+    requests_receive(s, bytes, count, now_us);
+
+    can_frame_t frame;
+    for (unsigned i = 0U; i < CAN_PER_TURN && requests_frame_room(s) && board_can_read(&frame); i++) {
+        requests_receive_frame(s, &frame, now_us);
+    }
+}
+
+#if USED_RECEIVER
+void loop_links_receive_sticks(session_t *s, uint32_t now_us) {
+    uint8_t bytes[32];
+    uint16_t stamps_us[16];
+    size_t count;
+    do {
+        count = board_receiver_read(bytes, sizeof bytes);
+        session_receive_sticks(s, bytes, count, now_us);
+    } while (count == sizeof bytes);
+    count = board_receiver_edges(stamps_us, sizeof stamps_us / sizeof stamps_us[0]);
+    session_receive_edges(s, stamps_us, count, now_us);
+}
+#endif
+
+void loop_links_transmit(session_buffers_t *buffers) {
+    uint8_t bytes[4U * SLCAN_FRAME_CHARS];
+    size_t count;
+    do {
+        const size_t room = board_uart_room();
+        count = session_transmit(buffers, bytes, room < sizeof bytes ? room : sizeof bytes);
+        (void)board_uart_write(bytes, count);
+    } while (count > 0U);
+
+    can_frame_t frame;
+    while (board_can_room() && session_transmit_frame(buffers, &frame)) {
+        board_can_send(&frame);
+    }
+}
