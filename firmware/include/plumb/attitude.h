@@ -18,6 +18,7 @@
 #ifndef PLUMB_ATTITUDE_H
 #define PLUMB_ATTITUDE_H
 
+#include "plumb/design.h"
 #include "plumb/error_filter.h"
 #include "plumb/records.h"
 #include <stdbool.h>
@@ -85,6 +86,75 @@ bool plumb_attitude_params_valid(const plumb_params_t *p);
  * command of the vehicle, Q15; 0 without one. The result is c->words. */
 void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                          int32_t setpoint);
+
+/* Matrix from the axes of a sensor to the body's, row by row: its axis map, times what corrects scale and
+ * misalignment. The absolute values of a row sum to less than 2, the determinant is 1/2 to 2. It is refused
+ * as a whole, as "gyro_mounting" or "accel_mounting": asked is then an entry of 2 or more, or the
+ * determinant.
+ */
+typedef struct {
+    double xx, xy, xz; /* body x from the sensor's x, y, z */
+    double yx, yy, yz;
+    double zx, zy, zz;
+} plumb_mounting_tuning_t;
+
+/* Errors of the gyro that the filter expects: standard deviations before the first sample, and noise. */
+typedef struct {
+    double bias_dps;      /* before the first sample: above 0 */
+    double scale;         /* scale error before the first sample, share: above 0 */
+    double bias_walk_dps; /* random walk of the bias, deg/s per sqrt(s): at least 0 */
+    double noise_dps;     /* noise density, deg/s per sqrt(Hz): at least 0 */
+    double turn_noise;    /* noise density for every deg/s of rate: misalignment, lag, bending; at least 0 */
+    double scale_walk;    /* random walk of the scale error, per sqrt(s): at least 0 */
+    double clipped_deg;   /* of the tilt, what a block without any sample adds: at least 0 */
+    double turn_doubt;    /* added to turn_noise by every m/s of a lasting velocity beyond velocity_mps */
+} plumb_attitude_gyro_tuning_t;
+
+/* How the body moves: it accelerates, but does not move away. Standard deviations. */
+typedef struct {
+    double velocity_mps;   /* velocity of a body that moves little: above 0 */
+    double share;          /* of the mean square of the integrated velocity, added to its square: 0 to 16 */
+    double pass_s;         /* time constant of that mean square: at least 3 blocks */
+    double leak_s;         /* with which the integrated velocity forgets: at least 4 blocks */
+    double start_tilt_deg; /* before the first sample: above 0 */
+    double start_velocity_mps; /* before the first sample: above 0 */
+    double unsure_deg;         /* of the tilt, from which it is flagged: at least 0 */
+    double travel_mps;         /* lasting velocity beyond which the tilt waits: at least 0 */
+    double travel_s;           /* for which a velocity lasts: at least 4 blocks */
+} plumb_attitude_motion_tuning_t;
+
+/* What counts as rest, which measures the bias. */
+typedef struct {
+    double gyro_dps;  /* largest distance of a rate from the mean of the block before: at least 0 */
+    double accel_g;   /* the same of a block's mean acceleration: at least 0 */
+    double turn_dps;  /* largest mean rate of a block; beyond it is a turn, no bias: at least 0 */
+    double seconds;   /* without motion: above 0, up to 255 blocks */
+    double noise_dps; /* standard deviation of a block's mean rate: above 0 */
+} plumb_attitude_rest_tuning_t;
+
+/* What tells the velocity of a vehicle in flight: the drag of its rotors. */
+typedef struct {
+    double drag_per_s;   /* drag by mass and speed: 1/64 to 16; 0: no vehicle, or no such aid */
+    double velocity_mps; /* standard deviation of the velocity that the drag tells: above 0 */
+    double hover;        /* thrust command of a hover, share of the most: 0 to 0.85; 0: unknown */
+} plumb_attitude_aid_tuning_t;
+
+/* Settings of the attitude. gyro and accel: the channel of all three axes of each sensor. */
+typedef struct {
+    int32_t period_us;            /* of a step: 1000 to 21000 */
+    plumb_channel_tuning_t gyro;  /* deg/s */
+    plumb_channel_tuning_t accel; /* g */
+    plumb_mounting_tuning_t gyro_mounting;
+    plumb_mounting_tuning_t accel_mounting;
+    plumb_attitude_gyro_tuning_t errors;
+    plumb_attitude_motion_tuning_t motion;
+    plumb_attitude_rest_tuning_t rest;
+    plumb_attitude_aid_tuning_t aid;
+    double block_s; /* between two measurements of the filter: 15 to 125 steps, below 0.318 s */
+} plumb_attitude_tuning_t;
+
+/* Convert a tuning to parameters; a refused setting leaves *params unchanged (plumb/design.h). */
+plumb_design_t plumb_attitude_design(const plumb_attitude_tuning_t *tuning, plumb_params_t *params);
 
 #ifdef __cplusplus
 }

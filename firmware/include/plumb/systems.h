@@ -12,6 +12,7 @@
 #include "plumb/phone.h"
 #include "plumb/phone_tunings.h"
 #include "plumb/attitude.h"
+#include "plumb/attitude_tunings.h"
 #include "plumb/quadrotor.h"
 #include "plumb/wheels.h"
 

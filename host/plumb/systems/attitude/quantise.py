@@ -12,7 +12,7 @@ from fractions import Fraction
 from plumb.contract.parameters import ControlParams
 from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Gyro, Motion, Mounting, Rest
 from plumb.tuning import mounting
-from plumb.tuning.groups import channel_of, channel_words, check_numbers, refuse, whole
+from plumb.tuning.groups import channel_of, channel_words, check_numbers, not_negative, refuse, whole
 
 DEG = math.pi / 180.0
 G_MPS2 = 9.80665
@@ -42,14 +42,16 @@ def quantise(tuning: AttitudeTuning) -> ControlParams:
     """The integers; raises UsageError with the parameter, its value and the limit."""
     check_numbers(tuning)
     if not PERIODS_US[0] <= tuning.period_us <= PERIODS_US[1]:
-        refuse("period_us", tuning.period_us, f"the attitude's steps take {PERIODS_US[0]} to {PERIODS_US[1]} us")
+        reason = f"the attitude's steps take {PERIODS_US[0]} to {PERIODS_US[1]} us"
+        refuse("period_us", tuning.period_us, reason, *PERIODS_US)
     dt = Fraction(int(tuning.period_us), 10**6)
     if tuning.block_s <= 0:
-        refuse("block_s", tuning.block_s, "give more than 0")
+        refuse("block_s", tuning.block_s, "give more than 0", 0.0)
     steps = max(round(Fraction(tuning.block_s) / dt), LEAST_STEPS)
     if steps > MOST_STEPS or steps * dt >= LONGEST_BLOCK_S:
         limits = f"a block has at most {MOST_STEPS} samples and less than {float(LONGEST_BLOCK_S)} s"
-        refuse("block_s", tuning.block_s, limits)
+        longest = min(MOST_STEPS, math.ceil(LONGEST_BLOCK_S / dt) - 1)
+        refuse("block_s", tuning.block_s, limits, 0.0, float(longest * dt))
     block_s = float(steps * dt)
     mountings = {
         **mounting.mounting_words("gyro_mounting", tuning.gyro_mounting.matrix),
@@ -76,8 +78,9 @@ def quantise(tuning: AttitudeTuning) -> ControlParams:
 
 
 def _word(name: str, asked: float, value: float, high: int = MOST, low: int = 0) -> int:
-    if asked < 0:
-        refuse(name, asked, "it cannot be negative")
+    not_negative({name: asked})
+    if math.isinf(value):
+        refuse(name, asked, "too large for its integer", 0.0)
     return whole(name, asked, Fraction(value), low, high)
 
 
@@ -89,28 +92,31 @@ def _square(name: str, sigma: float, units: float, low: int = 1, high: int = VAR
 
     _within(name, sigma, limit(high))
     if not sigma and low:
-        refuse(name, sigma, "give more than 0")
-    value = weight * (sigma * units) ** 2 * Q32
+        refuse(name, sigma, "give more than 0", 0.0)
+    x = sigma * units
+    value = weight * (x * x) * Q32  # a product: the power of a C library is not rounded alike everywhere
     if value < low and low > 1:
-        refuse(name, sigma, f"too small for its integer, the least is {limit(low):.6g}")
+        least = limit(low)
+        refuse(name, sigma, f"too small for its integer, the least is {least:.6g}", least, limit(high))
     nearest = min(max(round(value), low), high)
     if abs(nearest - value) > value * TOLERANCE:
-        refuse(name, sigma, f"too fine for its integer: ask for at least {limit(500):.3g}")
+        coarse = limit(500)
+        refuse(name, sigma, f"too fine for its integer: ask for at least {coarse:.3g}", coarse, limit(high))
     return nearest
 
 
 def _growth(name: str, sigma: float, units: float, seconds: float, high: int) -> int:
     """The growth of a variance in `seconds`, Q32, as near as its integer comes: 0 below half of one."""
     _within(name, sigma, math.sqrt(high / Q32 / seconds) / units)
-    return min(round((sigma * units) ** 2 * seconds * Q32), high)
+    x = sigma * units
+    return min(round(x * x * seconds * Q32), high)
 
 
 def _within(name: str, sigma: float, most: float) -> None:
     """Refuse what has no square in its integer. The tolerance lets the largest integer come back from its own sigma."""
-    if sigma < 0:
-        refuse(name, sigma, "it cannot be negative")
+    not_negative({name: sigma})
     if sigma > most * (1 + TOLERANCE / 4):
-        refuse(name, sigma, f"too large for its integer, the most is {most:.6g}")
+        refuse(name, sigma, f"too large for its integer, the most is {most:.6g}", 0.0, most)
 
 
 def _gyro(e: Gyro, dt: float, block_s: float) -> dict[str, int]:
@@ -125,17 +131,21 @@ def _gyro(e: Gyro, dt: float, block_s: float) -> dict[str, int]:
     }
 
 
+def _pass(name: str, seconds: float, least: int, block_s: float) -> int:
+    """The share of a block in a time, Q32. The time has at least so many blocks."""
+    if seconds < least * block_s:
+        refuse(name, seconds, f"at least {least} blocks, {least * block_s:g} s", least * block_s)
+    return round(block_s / seconds * Q32)
+
+
 def _motion(m: Motion, block_s: float) -> dict[str, int]:
-    for name, seconds in (("pass_s", m.pass_s), ("leak_s", m.leak_s)):
-        if seconds < 3 * block_s:
-            refuse(f"motion.{name}", seconds, f"at least three blocks, {3 * block_s:g} s")
     return {
+        "attitude.velocity_pass_q32": _pass("motion.pass_s", m.pass_s, 3, block_s),
+        "attitude.leak_q32": _pass("motion.leak_s", m.leak_s, 4, block_s),
         "attitude.start_tilt": _square("motion.start_tilt_deg", m.start_tilt_deg, DEG),
         "attitude.start_speed": _square("motion.start_velocity_mps", m.start_velocity_mps, SPEED_UNITS),
         "attitude.speed_min": _square("motion.velocity_mps", m.velocity_mps, 1 / G_MPS2, 1 << 8, weight=1 / 64),
         "attitude.velocity_share_q16": _word("motion.share", m.share, m.share * (1 << 16), 1 << 20),
-        "attitude.velocity_pass_q32": round(block_s / m.pass_s * Q32),
-        "attitude.leak_q32": round(block_s / m.leak_s * Q32),
         "attitude.unsure": _square("motion.unsure_deg", m.unsure_deg, DEG, 0, Q32 - 1, 2.0),
     }
 
@@ -143,11 +153,9 @@ def _motion(m: Motion, block_s: float) -> dict[str, int]:
 def _travel(tuning: AttitudeTuning, dt: float, block_s: float) -> dict[str, int]:
     """A velocity is one error for as long as it lasts, not a new one every block: so much larger is its variance."""
     m = tuning.motion
-    if m.travel_s < 4 * block_s:
-        refuse("motion.travel_s", m.travel_s, f"at least four blocks, {4 * block_s:g} s")
     gain = 2.0 * m.travel_s / block_s
     return {
-        "attitude.travel_pass_q32": round(block_s / m.travel_s * Q32),
+        "attitude.travel_pass_q32": _pass("motion.travel_s", m.travel_s, 4, block_s),
         "attitude.travel_least_q24": _square("motion.travel_mps", m.travel_mps, 1 / G_MPS2, 0, 1 << 29, 2.0**-8),
         "attitude.travel_gain_q16": _word("motion.travel_s", m.travel_s, gain * (1 << 16), 1 << 26),
         "attitude.doubt_q24": _square(
@@ -157,10 +165,9 @@ def _travel(tuning: AttitudeTuning, dt: float, block_s: float) -> dict[str, int]
 
 
 def _aid(aid: Aid) -> dict[str, int]:
-    if aid.drag_per_s < 0:
-        refuse("aid.drag_per_s", aid.drag_per_s, "it cannot be negative")
+    not_negative({"aid.drag_per_s": aid.drag_per_s})
     if aid.drag_per_s and not DRAG_PER_S[0] <= aid.drag_per_s <= DRAG_PER_S[1]:
-        refuse("aid.drag_per_s", aid.drag_per_s, f"0, or {DRAG_PER_S[0]:g} to {DRAG_PER_S[1]:g}")
+        refuse("aid.drag_per_s", aid.drag_per_s, f"0, or {DRAG_PER_S[0]:g} to {DRAG_PER_S[1]:g}", *DRAG_PER_S)
     inverse = (1 << 24) / aid.drag_per_s if aid.drag_per_s else 0.0
     return {
         "attitude.aid_s_q24": _word("aid.drag_per_s", aid.drag_per_s, inverse, 1 << 30),
@@ -171,11 +178,10 @@ def _aid(aid: Aid) -> dict[str, int]:
 
 def _blocks(name: str, seconds: float, block_s: float) -> int:
     if seconds <= 0:
-        refuse(name, seconds, "give more than 0")
-    blocks = max(round(seconds / block_s), 1)
-    if blocks > 255:
-        refuse(name, seconds, f"at most {255 * block_s:g} s")
-    return blocks
+        refuse(name, seconds, "give more than 0", 0.0)
+    if seconds / block_s >= 255.5:
+        refuse(name, seconds, f"at most {255 * block_s:g} s", 0.0, 255 * block_s)
+    return max(round(seconds / block_s), 1)
 
 
 def _rest(r: Rest, dt: float, steps: int) -> dict[str, int]:
