@@ -32,11 +32,11 @@ EXAMPLE = """\
 import numpy as np
 import plumb
 
-estimator = plumb.Estimator("quad", period_s=0.005, gyr_range_dps=250, acc_range_g=2)
-acc_mps2 = 9.80665 * np.tile([0.0, np.sin(0.1), np.cos(0.1)], (1000, 1))  # at rest, tilted by 0.1 rad
+estimator = plumb.Estimator("attitude", period_s=0.005)  # three axes, 16 bits at 2000 deg/s and 16 g
+acc_mps2 = 9.80665 * np.tile([0.0, np.sin(0.1), np.cos(0.1)], (1000, 1))  # at rest, rolled by 0.1 rad
 estimate = estimator.run(np.zeros((1000, 3)), acc_mps2)
-result = plumb.run("quad", board="virtual", scenario="hold", seconds=14)
-print(f"tilt {estimate.tilt_rad[-1]:.3f} rad; bit-exact on the flash image: {result.bit_exact}")
+result = plumb.run("attitude", board="virtual", scenario="hand", seconds=14)
+print(f"roll {estimate.roll_rad[-1]:.3f} rad; bit-exact on the flash image: {result.bit_exact}")
 """
 COMMANDS = {
     "demo": ["-m", "plumb", "demo", "--out", "out/demo"],
