@@ -133,6 +133,7 @@ def test_paced_time_never_overtakes_the_wall_clock(board: NewBoard) -> None:
 
     class Silence:
         address = ""
+        connected = False
 
         def watch(self) -> None:
             return None

@@ -56,6 +56,7 @@ class SlowMachine:
 
 class NoLine:
     address = "nowhere"
+    connected = False
 
     def watch(self) -> None: ...
     def read(self) -> bytes:

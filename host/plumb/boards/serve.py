@@ -1,6 +1,7 @@
 """A simulated board as a process of its own: its UART on a pseudo-terminal or a TCP port, its CAN bus coupled with any
-python-can bus, in real time. The UART has one client at a time; the board keeps running while clients come and go.
-Bytes that the board sends while no client is connected are lost, as on a cable."""
+python-can bus, in real time, or as slowly as a client that asks it to wait (`client_time`). The UART has one client at
+a time; the board keeps running while clients come and go. Bytes that the board sends while no client is connected are
+lost, as on a cable."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from typing import Protocol
 
 import can
 
+from plumb.boards.client_time import ClientTime
 from plumb.boards.flash_file import KeptSlots
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_S
@@ -85,10 +87,13 @@ def run_paced(
     trace: Trace | None = None,
     orders: Orders | None = None,
     sticks: tuple[ServerEndpoint, Callable[[bytes], object]] | None = None,
+    set_up: Callable[[], object] | None = None,
 ) -> None:
-    """Run the board in real time until stopped() is true; bytes pass between its UART and `line`, frames through
-    `joint`, and bytes of the endpoint of `sticks` to what takes them. trace is flushed, and orders are looked at,
-    as time passes. say: called with a sentence when the board falls behind real time, and when it keeps up again."""
+    """Run the board in real time, or as slowly as a client that it waits for, until stopped() is true; bytes pass
+    between its UART and `line`, frames through `joint`, and bytes of the endpoint of `sticks` to what takes them. trace
+    is flushed, and orders are looked at, as time passes. say: called with a sentence when the board falls behind real
+    time, and when it keeps up again. set_up: sets its plant up anew when the client asks for it."""
+    client = ClientTime(set_up)
     begin_wall, begin_ticks = time.monotonic(), machine.now
     started_s = begin_wall
     watch = RealTimeWatch("the virtual board", "this machine is too slow or too busy for it", say, time.monotonic)
@@ -97,18 +102,22 @@ def run_paced(
         watch.note((machine.now - begin_ticks) / TICKS_PER_S, now_s - started_s)
         elapsed = now_s - begin_wall
         due = begin_ticks + int(elapsed * TICKS_PER_S)
-        machine.run_to(min(due, machine.now + int(4 * SLICE_S * TICKS_PER_S)))
+        allowed = client.limit(due)
+        machine.run_to(max(machine.now, min(allowed, machine.now + int(4 * SLICE_S * TICKS_PER_S))))
         behind_s = (due - machine.now) / TICKS_PER_S
         if behind_s > LAG_S:
             begin_wall += behind_s
         data = line.read()
-        if data:
+        if data := client.received(data, machine.now):
             machine.uart.write(data)
+        if client.waits and not line.connected:
+            client.gone()
         if sticks is not None and (received := sticks[0].read()):
             sticks[1](received)
         waiting = machine.uart.in_waiting
-        if waiting:
-            line.write(machine.uart.read(waiting))
+        sent = (machine.uart.read(waiting) if waiting else b"") + client.mark(machine.now)
+        if sent:
+            line.write(sent)
         if joint is not None:
             joint.move()
         if kept is not None:
@@ -117,7 +126,7 @@ def run_paced(
             trace.flush()
         if orders is not None:
             orders.look()
-        if behind_s < SLICE_S:
+        if (allowed - machine.now) / TICKS_PER_S < SLICE_S:
             wait_readable(line.watch(), SLICE_S)  # not `selectors`: epoll counts in milliseconds
     if kept is not None:
         kept.write()
@@ -185,12 +194,13 @@ def serve(
     orders: Orders | None = None,
     radio: Radio | None = None,
     announce_radio: Callable[[str], None] = print,
+    set_up: Callable[[], object] | None = None,
 ) -> None:
     """Serve the board's UART on `spec`, its CAN bus, coupled by join(), on `can_spec`, and the line of its receiver as
     radio says, until stopped() is true.
 
     announce is called with the address of each, as a board's name without `serial:`, and announce_radio with that of
-    the receiver's line; say, trace and orders as in `run_paced`.
+    the receiver's line; say, trace, orders and set_up as in `run_paced`.
     """
     with contextlib.ExitStack() as stack:
         line = open_endpoint(spec, link)
@@ -202,4 +212,4 @@ def serve(
             announce_radio(sticks[0].address)
         joint = stack.enter_context(joined(join, can_spec, announce))
         announce(line.address)
-        run_paced(machine, line, stopped, joint, kept, say, trace, orders, sticks)
+        run_paced(machine, line, stopped, joint, kept, say, trace, orders, sticks, set_up)

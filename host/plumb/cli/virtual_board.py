@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from plumb.f103.waveforms import VcdTrace
 
     Receive = Callable[[bytes], object]
+    Attach = Callable[[Plant], object]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -119,9 +120,13 @@ def main(arguments: argparse.Namespace) -> int:
         parse_endpoint(arguments.receiver)
     traces: list[VcdTrace] = []
     plant, orders = _plant(arguments)
-    board, join, kept, receive = (
+    board, join, kept, receive, attach = (
         _native(arguments, plant) if arguments.port == "native" else _f103(arguments, plant, traces)
     )
+
+    def set_up() -> None:
+        if orders is None and (anew := _plant(arguments)[0]) is not None:
+            attach(anew)
 
     def announce(address: str) -> None:
         name = address if address.startswith("can:") else f"serial:{arguments.symlink or address}"
@@ -146,6 +151,7 @@ def main(arguments: argparse.Namespace) -> int:
             orders=orders,
             radio=Radio(arguments.receiver, receive) if arguments.receiver else None,
             announce_radio=lambda address: print(f"its radio receiver listens at {address}", flush=True),
+            set_up=set_up,
         )
     if caught[:1] == [signal.SIGINT]:
         raise KeyboardInterrupt
@@ -189,7 +195,7 @@ def _strap(arguments: argparse.Namespace) -> str:
 
 def _f103(
     arguments: argparse.Namespace, plant: Plant | None, traces: list[VcdTrace]
-) -> tuple[Served, Join, KeptSlots | None, Receive]:
+) -> tuple[Served, Join, KeptSlots | None, Receive, Attach]:
     """The simulated chip with the flash image; the recording of --vcd, which begins with power-up, is put on traces."""
     from plumb.boards import plant_on_pins
     from plumb.boards.flash_file import MachineSlots, read_slots
@@ -220,10 +226,16 @@ def _f103(
         plant_on_pins.boot_configured_as(machine, arguments.system, strap, calibrated=not arguments.hand)
     kept = MachineSlots(machine, arguments.keep) if arguments.keep else None
     receive = on_pin(machine).receive if arguments.ppm else machine.usart3.receive
-    return machine, functools.partial(Joint, machine), kept, receive
+
+    def attach_anew(anew: Plant) -> None:
+        plant_on_pins.coupler(arguments.system, anew)(machine)
+
+    return machine, functools.partial(Joint, machine), kept, receive, attach_anew
 
 
-def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served, Join, KeptSlots | None, Receive]:
+def _native(
+    arguments: argparse.Namespace, plant: Plant | None
+) -> tuple[Served, Join, KeptSlots | None, Receive, Attach]:
     """The main loop on a board in memory."""
     from plumb.boards.flash_file import read_slots
     from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
@@ -245,4 +257,4 @@ def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served,
         ).counts()
     kept = NativeSlots(board.mcu, arguments.keep) if arguments.keep else None
     receive = on_native(board.mcu).receive if arguments.ppm else board.mcu.receiver_send
-    return board, functools.partial(NativeJoint, board.mcu), kept, receive
+    return board, functools.partial(NativeJoint, board.mcu), kept, receive, board.attach

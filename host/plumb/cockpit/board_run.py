@@ -39,6 +39,8 @@ IDLE_S = 0.5
 FOREIGN_S = 0.12
 """A board that names another run than the cockpit's for this long has one: TIME comes every 50 ms, and the last one of
 the run before may come after the begin of the next."""
+FOUND_S = 0.05
+"""The board finds the digital sensors of a plant that was set up anew within this time of its own."""
 NOTES_KEPT = 50
 ORDERS_MAX = 32
 """Orders that wait; the loop does one a turn."""
@@ -171,6 +173,7 @@ class BoardRun:
         mode = self._session.telemetry.get("STATUS", {}).get("mode", 0)
         if not mode and not self.watch:
             try:
+                self._renew_plant()
                 self.begin()
             except (NackError, UsageError) as error:
                 self.note(f"no run was begun: {error}")
@@ -180,11 +183,16 @@ class BoardRun:
             monitor.read_only(self._session)
 
     def _renew_plant(self) -> None:
-        """Put the plant of a simulated board up anew; the first time, the board is restarted."""
+        """Put the plant of a simulated board up anew, here or in the process that serves it; the first time, one that
+        is simulated here is restarted."""
         if self._plant is not None:
             self._plant.attach(self.board)
             if self.board.session is not self._session:
                 self._open(self.board.session)
+        elif (served := self._session.fast) is not None and served.set_up_plant():
+            found = self._session.listening.timeout(FOUND_S)
+            while not found.over:
+                self._session.receive(TURN_S)
 
     def begin(self) -> None:
         """Begin a run in real time on the board's own sensors, disarmed, with the counts and as many signals as the

@@ -34,6 +34,11 @@ class ServerEndpoint(Protocol):
 
     address: str
 
+    @property
+    def connected(self) -> bool:
+        """Whether a client is there."""
+        ...
+
     def watch(self) -> int | None:
         """File descriptor that becomes readable when there is something to read; None while there is none to wait
         for."""
@@ -105,13 +110,14 @@ class PtyEndpoint:
             except OSError as error:
                 raise UsageError(f"the link {link} cannot be made: {error.strerror}") from error
 
-    def _client(self) -> bool:
+    @property
+    def connected(self) -> bool:
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     def watch(self) -> int | None:
-        return self._master if self._client() else None
+        return self._master if self.connected else None
 
     def read(self) -> bytes:
         if self._backlog:
@@ -122,7 +128,7 @@ class PtyEndpoint:
             return b""
 
     def write(self, data: bytes) -> None:
-        if not self._client():
+        if not self.connected:
             self._backlog.clear()
             return
         self._backlog.add(data)
@@ -236,6 +242,10 @@ class UdpEndpoint:
             raise LinkError(_no_port(port, error)) from None
         self._socket.setblocking(False)
         self.address = f"udp:{self._socket.getsockname()[1]}"
+
+    @property
+    def connected(self) -> bool:
+        return self._peer is not None
 
     def watch(self) -> int | None:
         return self._socket.fileno()

@@ -17,6 +17,7 @@ from plumb.errors import LinkError
 from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.transports.byte_stream import Channel, ClosedError, DatagramStream, open_stream
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
+from plumb.link.transports.waiting_board import SET_UP, WAIT, AnsweringStream, is_perhaps_served
 from plumb.spec.protocol import FRAME_DLC, Frame
 
 _LONGEST_WAIT_S = 0.5
@@ -42,6 +43,7 @@ class PlumbBus(can.BusABC):
         **kwargs: object,
     ) -> None:
         self._stream = open_stream(channel, tty_baudrate)
+        self._answering = AnsweringStream(self._stream) if is_perhaps_served(self._stream) else None
         self.connectionless = isinstance(self._stream, DatagramStream)
         """Opening it says nothing about whether anybody is there."""
         self.parser = SlcanParser()
@@ -51,6 +53,9 @@ class PlumbBus(can.BusABC):
         try:
             # The first CR ends a line that was left unfinished; C closes a link that was left open.
             self._stream.write(b"\rC\r" + (b"L\r" if listen_only else b"O\r"))
+            if self._answering is not None:
+                self._stream.write(WAIT + b"\r")
+                self._stream = self._answering
         except LinkError:
             self._stream.close()
             raise
@@ -80,6 +85,13 @@ class PlumbBus(can.BusABC):
     def write_frames(self, frames: Sequence[Frame]) -> None:
         """Send frames in one write. Raises LinkError."""
         self._stream.write(text_of_frames(frames))
+
+    def set_up_plant(self) -> bool:
+        """Ask the process that serves a simulated board to set its plant up anew; returns False for another board."""
+        served = self._answering is not None and self._answering.marked
+        if served:
+            self._stream.write(SET_UP + b"\r")
+        return served
 
     def write_text(self, text: bytes) -> None:
         """Send prepared SLCAN text. Raises LinkError."""

@@ -1,0 +1,67 @@
+"""A simulated board that waits for its client: its time passes only while the client reads its link.
+
+A process that serves a simulated board on a pty or a TCP port lets its time pass in real time. On a busy machine a
+client may not run for longer than a keep-alive lives, and an armed board disarms although nothing is wrong. So a client
+of plumb asks the server to wait, by the line WAIT after it opened the link. From then on the server puts the byte MARK
+into what the board sends, every MARK_EVERY_S of the board's time, and the client answers each with the byte READ once
+it has read, and answered, everything before it. The board's time stands still at LEAD_S after the oldest mark without
+an answer. It passes in real time again when the client closes or closes the link (C), and while the client has
+answered no mark for PATIENCE_S of wall time.
+
+A board that is not simulated answers WAIT with BEL, as any unknown command, and no mark ever comes. Neither byte can be
+part of a line. A client asks on TCP and on pseudo-terminals alone: no board behind a serial port sees the line.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+
+from plumb.link.transports.byte_stream import SerialStream, SocketStream, Stream
+
+WAIT, SET_UP = b"WAIT", b"SETUP"
+"""Lines of a client: wait for it; set the plant up anew."""
+MARK, READ = b"\x05", b"\x06"
+"""ENQ and ACK of ASCII."""
+MARK_EVERY_S = 0.004
+"""The board's time between two marks: a fifth of LEAD_S, so that a round trip does not stop the board."""
+LEAD_S = 0.02
+"""The most that the board's time passes beyond what the client has read: a keep-alive value lives 40 ms."""
+PATIENCE_S = 1.0
+"""A client that answers no mark for this long is not waited for: it hangs, and the board must notice."""
+TERMINAL = re.compile(r"/dev/(pts/|ttys)\d+")
+"""A pseudo-terminal, as Linux and macOS name it."""
+
+
+def is_perhaps_served(stream: Stream) -> bool:
+    """Whether a process may serve a simulated board at the other end."""
+    terminal = isinstance(stream, SerialStream) and TERMINAL.fullmatch(os.path.realpath(stream.name)) is not None
+    return terminal or isinstance(stream, SocketStream)
+
+
+class AnsweringStream:
+    """The client's side of a stream: takes the marks out of what is read, and answers them with the next read.
+
+    marked: a mark has come: the board is simulated, and waits."""
+
+    def __init__(self, stream: Stream) -> None:
+        self._stream, self.name, self.clock = stream, stream.name, stream.clock
+        self._marks, self.marked = 0, False
+
+    def read(self, timeout_s: float) -> bytes:
+        end_s = self.clock() + timeout_s
+        while True:
+            if self._marks:
+                self._stream.write(READ * self._marks)
+            data = self._stream.read(max(0.0, end_s - self.clock()))
+            self._marks = data.count(MARK)
+            if self._marks:
+                self.marked, data = True, data.replace(MARK, b"")
+            if data or self.clock() >= end_s:
+                return data
+
+    def write(self, data: bytes) -> None:
+        self._stream.write(data)
+
+    def close(self) -> None:
+        self._stream.close()
