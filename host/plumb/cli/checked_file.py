@@ -14,6 +14,7 @@ from plumb.cli import options
 if TYPE_CHECKING:
     from plumb.audit.audit import Audit
     from plumb.readers.recording import Recording
+    from plumb.readers.replay import ReplayRequest
 
 
 def add_as_found(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +47,15 @@ def load(path: Path, arguments: argparse.Namespace) -> tuple[Recording, Audit]:
     elif found.sure_mends:
         print(f"plumb: warning: {path.name}: --as-found undoes {' '.join(found.sure_mends)}", file=sys.stderr)
     return loaded, found
+
+
+def request(arguments: argparse.Namespace, loaded: Recording | None) -> ReplayRequest:
+    """What a system is to get of the file: --axis, --period-us, --seconds, --decimate. loaded: None for a file that the
+    system reads itself."""
+    from plumb.readers.replay import ReplayRequest
+
+    axis, decimate = arguments.axis or "x", arguments.decimate or 1
+    return ReplayRequest(arguments.file, axis, arguments.period_us, arguments.seconds, decimate, loaded=loaded)
 
 
 def said_first(paths: Iterable[Path]) -> dict[str, dict[str, object]]:

@@ -45,19 +45,10 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.analyses.estimation.estimated import estimate
     from plumb.errors import ExitCode
     from plumb.proof import report, table_text
-    from plumb.readers.replay import ReplayRequest
 
     system = options.system_with(arguments, PART)
     loaded, checked = checked_file.load(arguments.file, arguments)
-    request = ReplayRequest(
-        arguments.file,
-        arguments.axis or "x",
-        arguments.period_us,
-        arguments.seconds,
-        arguments.decimate or 1,
-        loaded=loaded,
-    )
-    made = estimate(system, request)
+    made = estimate(system, checked_file.request(arguments, loaded))
     for sentence in made.warnings:
         print(f"plumb: warning: {sentence}", file=sys.stderr)
     found = page.tables(made)

@@ -105,15 +105,7 @@ def of_units(arguments: argparse.Namespace) -> int:
     system = options.system_with(arguments, PART)
     own = replay.reads_itself(system, arguments.file)
     loaded, found = (None, None) if own else checked_file.load(arguments.file, arguments)
-    request = replay.ReplayRequest(
-        arguments.file,
-        arguments.axis or "x",
-        arguments.period_us,
-        arguments.seconds,
-        arguments.decimate or 1,
-        loaded=loaded,
-    )
-    prepared = replay.prepare(system, request)
+    prepared = replay.prepare(system, checked_file.request(arguments, loaded))
     options.print_default(arguments, system, PART)
     for sentence in prepared.warnings:
         print(f"plumb: warning: {sentence}", file=sys.stderr)

@@ -91,11 +91,7 @@ class JsonStream:
                 self._columns.setdefault(frame, (system, []))[1].append((signal, column, scale))
 
     def feed(self, frames: list[Frame]) -> None:
-        known = protocol().by_identifier
-        for identifier, data in frames:
-            message = known.get(identifier)
-            if message is None:
-                continue
+        for message, data in protocol().known(frames):
             if message.name == "TIME":
                 said = message.decode(data)
                 self._clock.feed(said["step"], said["time"])

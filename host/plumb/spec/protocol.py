@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -181,6 +182,13 @@ class Protocol:
 
     def __getitem__(self, name: str) -> Message:
         return self.messages[name]
+
+    def known(self, frames: Iterable[Frame]) -> Iterator[tuple[Message, bytes]]:
+        """The message of each of the frames and its eight bytes; frames that it has not are left out."""
+        for identifier, data in frames:
+            message = self.by_identifier.get(identifier)
+            if message is not None:
+                yield message, data
 
 
 def protocol_of(database: Database) -> Protocol:

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import random
 
+from plumb.contract.scenario import Plant
 from plumb.physics.sensors import ADC_COUNTS, ADC_NOISE_LSB, ADC_REFERENCE_V
+from plumb.systems.contracts import Conversion
 
 SCAN_INTERVAL_US = 1000
 """Longest time between two scans."""
@@ -50,3 +52,29 @@ class AnalogScans:
     def noise_v(self) -> float:
         """Converter noise in V for one conversion between two samples."""
         return 0.0 if self.is_sample else self._chance.gauss(0.0, ADC_NOISE_LSB * ADC_REFERENCE_V / ADC_COUNTS)
+
+
+class SampledPlant:
+    """A plant whose time 0 is the first sample of the first channel. taken: the samples of that channel."""
+
+    def __init__(self, plant: Plant, period_us: int) -> None:
+        self.sampled = plant
+        self.taken: list[Conversion] = []
+        self._start_s: float | None = None
+        self._scans = AnalogScans(period_us, 0)
+
+    def time_s(self, now_s: float) -> float:
+        """Of the plant, at a time of the machine, both in s."""
+        return 0.0 if self._start_s is None else max(0.0, now_s - self._start_s)
+
+    def count(self, now_s: float, channel: int = 0) -> int:
+        return int(self.sampled.counts(self.time_s(now_s))[channel])
+
+    def convert(self, now_s: float) -> None:
+        """The ADC converts the first channel."""
+        if not self._scans.convert(now_s):
+            return
+        if self._start_s is None:
+            self._start_s = now_s + self._scans.until_sample_s()
+        if self._scans.is_sample:
+            self.taken.append(Conversion(now_s, self.count(now_s), self.sampled.truth(self.time_s(now_s))))

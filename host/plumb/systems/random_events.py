@@ -24,13 +24,24 @@ EVENTS_NOTE = f"of {RANDOM}: bit i keeps its i-th drawn event (default {EVENTS_A
 MOMENTS = 20_813
 """Part of the seed of the generator of moments."""
 
-Happening = TypeVar("Happening")
+
+class Happening(NamedTuple):
+    """What happens from begin_s on, before end_s; each vehicle says what it is, and what size and number mean."""
+
+    what: str
+    begin_s: float
+    end_s: float = math.inf
+    size: float = 0.0
+    number: int = 0
 
 
-class Event(NamedTuple, Generic[Happening]):
+H = TypeVar("H", bound=Happening)
+
+
+class Event(NamedTuple, Generic[H]):
     """Parts of one event of a run."""
 
-    happenings: tuple[Happening, ...] = ()
+    happenings: tuple[H, ...] = ()
     faults: tuple[Fault, ...] = ()
 
 
@@ -48,17 +59,17 @@ def between(rng: np.random.Generator, least_s: float, most_s: float) -> float:
 
 def drawn(
     rng: np.random.Generator,
-    kinds: Sequence[Callable[[np.random.Generator, float], Event[Happening]]],
+    kinds: Sequence[Callable[[np.random.Generator, float], Event[H]]],
     from_s: float,
     to_s: float,
-) -> tuple[Event[Happening], ...]:
+) -> tuple[Event[H], ...]:
     """The events of a run, by the time at which they begin. kinds: each draws an event that begins at a time."""
     count = 0 if rng.random() < WITHOUT_EVENTS else int(rng.integers(EVENTS_LEAST, EVENTS_MOST + 1))
     places, begins = rng.integers(len(kinds), size=count), np.sort(rng.uniform(from_s, to_s, count))
     return tuple(kinds[place](rng, begin_s) for place, begin_s in zip(places.tolist(), begins.tolist(), strict=True))
 
 
-def kept(events: Sequence[Event[Happening]], mask: int) -> Event[Happening]:
+def kept(events: Sequence[Event[H]], mask: int) -> Event[H]:
     """All that happens in the events whose bits are set."""
     left = [event for place, event in enumerate(events) if mask >> place & 1]
     happenings = tuple(one for event in left for one in event.happenings)

@@ -74,11 +74,7 @@ class MavlinkStream:
         self._setpoint = 0
 
     def feed(self, frames: list[Frame]) -> None:
-        known = protocol().by_identifier
-        for identifier, data in frames:
-            message = known.get(identifier)
-            if message is None:
-                continue
+        for message, data in protocol().known(frames):
             if message.name in RAW_FRAMES:
                 self._inputs |= message.decode(data)
             elif message.name == "SETPOINT_USED":

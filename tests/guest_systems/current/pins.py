@@ -8,8 +8,7 @@ from plumb.systems.current.scenarios import Plant
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.f103.machine import Machine
 from plumb.physics.motor import hall_state, share_of_supply
-from plumb.systems.analog_scans import AnalogScans
-from plumb.systems.contracts import Conversion
+from plumb.systems.analog_scans import SampledPlant
 
 SCENARIO = SHOWN = "steps"
 TUNING = "plain"
@@ -20,40 +19,26 @@ FOLLOW_US = 1000
 VOLTS_PER_COUNT = 3.3 / 4096
 
 
-class CurrentCoupling:
+class CurrentCoupling(SampledPlant):
     """The plant's time 0 is the first sample. taken: the samples of PA0."""
 
     def __init__(self, machine: Machine, plant: Plant) -> None:
         self.machine, self.plant = machine, plant
-        self.taken: list[Conversion] = []
-        self._start_s: float | None = None
-        self._scans = AnalogScans(plant.period_us, 0)
+        super().__init__(plant, plant.period_us)
         for pin in ("PA0", "PA1", "PA2"):  # an input that nothing is wired to would count as one that hangs
             machine.adc[pin] = self._volts
-        machine.adc.before_conversion["PA0"] = self._convert
+        machine.adc.before_conversion["PA0"] = self.convert
         machine.drive(BREAK_PIN, True)
         machine.set_hall(hall_state(0.0))
         self._follow(machine.now)
 
-    def _time_s(self, now_s: float) -> float:
-        return 0.0 if self._start_s is None else max(0.0, now_s - self._start_s)
-
     def _volts(self, now_s: float) -> float:
-        return float(self.plant.counts(self._time_s(now_s))[0]) * VOLTS_PER_COUNT
-
-    def _convert(self, now_s: float) -> None:
-        if not self._scans.convert(now_s):
-            return
-        if self._start_s is None:
-            self._start_s = now_s + self._scans.until_sample_s()
-        if self._scans.is_sample:
-            time_s = self._time_s(now_s)
-            self.taken.append(Conversion(now_s, self.plant.counts(time_s)[0], self.plant.truth(time_s)))
+        return self.count(now_s) * VOLTS_PER_COUNT
 
     def _follow(self, now: int) -> None:
         bridge = self.machine.bridge()
         share = share_of_supply(bridge.duty, 0.0) if bridge.enabled else 0.0
-        self.plant.drive_to(self._time_s(now / TICKS_PER_S), share)
+        self.plant.drive_to(self.time_s(now / TICKS_PER_S), share)
         self.machine.timeline.at("plant", now + FOLLOW_US * TICKS_PER_US, self._follow)
 
 

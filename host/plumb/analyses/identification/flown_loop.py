@@ -14,7 +14,7 @@ import numpy as np
 
 from plumb.analyses.identification.loop_test import MOST_LIMITED
 from plumb.analyses.identification.plant_fit import HIGHEST_HZ, LINES, Excitation, Measurement
-from plumb.analyses.identification.tested_loop import Gains, TestedLoop, loop_of, signals_of
+from plumb.analyses.identification.tested_loop import Gains, TestedLoop, TestedRun, loop_of, signals_of
 from plumb.boards.contract import RawCounts, Setpoints
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams
@@ -34,22 +34,11 @@ LEAST_ASKED_DEG = 0.5
 
 
 @dataclass(frozen=True)
-class FlownRun:
-    """A recording: params, raw counts and setpoints of every step. begin: the first step of the first window."""
+class FlownRun(TestedRun):
+    """A recording. begin: the first step of the first window."""
 
-    params: ControlParams
-    tested: TestedLoop[Gains]
-    excitation: Excitation
-    raw: RawCounts
-    setpoint: Setpoints
-    begin: int
     windows: tuple[int, ...]
     """First step of each."""
-    truth_deg: FloatArray
-
-    def signals(self) -> dict[str, FloatArray]:
-        """Every signal by name with its unit, (steps,)."""
-        return signals_of(self.params.system, run_fixed.run_control(self.params, self.raw, self.setpoint))
 
     def measurement(self) -> Measurement:
         """The windows, each less its mean and faded in and out."""
@@ -80,7 +69,7 @@ def flown(params: ControlParams, raw: RawCounts, setpoint: Setpoints, axis: str 
             f"{len(windows)} windows of {WINDOW_S:g} s in which the loop is closed and the stick of its axis moves are "
             f"too few, {LEAST_WINDOWS} are needed: move it for {least_s:.0f} s or longer, gently enough for no limit"
         )
-    return FlownRun(params, tested, excited, raw, setpoint, windows[0], windows, np.empty(0))
+    return FlownRun(params, tested, excited, raw, setpoint, windows[0], np.empty(0), windows)
 
 
 @dataclass(frozen=True)

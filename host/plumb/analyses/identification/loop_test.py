@@ -12,9 +12,9 @@ import numpy as np
 
 from plumb import systems
 from plumb.analyses.identification.plant_fit import Excitation, Measurement
-from plumb.analyses.identification.tested_loop import Gains, TestedLoop, loop_of, signals_of
+from plumb.analyses.identification.tested_loop import Gains, TestedLoop, TestedRun, loop_of
 from plumb.boards import plant_on_pins
-from plumb.boards.contract import RawCounts, Setpoints, SimulatedBoard, StepBoard
+from plumb.boards.contract import Setpoints, SimulatedBoard, StepBoard
 from plumb.boards.link import LinkBoard
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams
@@ -51,21 +51,8 @@ MOST_LIMITED = 0.02
 
 
 @dataclass(frozen=True)
-class LoopRun:
-    """A test: params, raw counts and setpoints of every step from the beginning of the run; begin: the first step of
-    the first whole period of the test signal. truth_deg: of the simulated tilt, empty on a real machine."""
-
-    params: ControlParams
-    tested: TestedLoop[Gains]
-    excitation: Excitation
-    raw: RawCounts
-    setpoint: Setpoints
-    begin: int
-    truth_deg: FloatArray
-
-    def signals(self) -> dict[str, FloatArray]:
-        """Every signal by name with its unit, (steps,)."""
-        return signals_of(self.params.system, run_fixed.run_control(self.params, self.raw, self.setpoint))
+class LoopRun(TestedRun):
+    """A test, from the beginning of the run; begin: the first step of the first whole period of the test signal."""
 
     def measurement(self) -> Measurement:
         """The whole periods of the test signal. Raises UsageError when a limit of the controller acted."""

@@ -14,7 +14,9 @@ import numpy as np
 
 from plumb import systems
 from plumb.analyses.identification.pid_design import PidSearch, Search
+from plumb.analyses.identification.plant_fit import Excitation
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams, dequantise
 from plumb.contract.run_reference import run_control
 from plumb.errors import UsageError
@@ -192,6 +194,23 @@ def signals_of(system: str, words: Words) -> dict[str, FloatArray]:
     return {
         name: np.asarray(words[signal.word] * signal.scale, np.float64) for name, signal in word_signals(system).items()
     }
+
+
+@dataclass(frozen=True)
+class TestedRun:
+    """params, raw counts and setpoints of every step. truth_deg: of the simulated tilt, empty without one."""
+
+    params: ControlParams
+    tested: TestedLoop[Gains]
+    excitation: Excitation
+    raw: RawCounts
+    setpoint: Setpoints
+    begin: int
+    truth_deg: FloatArray
+
+    def signals(self) -> dict[str, FloatArray]:
+        """Every signal by name with its unit, (steps,)."""
+        return signals_of(self.params.system, run_fixed.run_control(self.params, self.raw, self.setpoint))
 
 
 def loop_of(params: ControlParams, axis: str | None = None) -> TestedLoop[Gains]:

@@ -10,12 +10,12 @@ each run draws.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from plumb.physics import pilots
 from plumb.physics.imu import MPU6050, TWO_CHIPS, ImuGrade
+from plumb.systems import random_events
 from plumb.systems.random_events import later_s
 
 REST_S, SETTLED_S = 5.0, 2.0
@@ -43,14 +43,8 @@ class Turn(NamedTuple):
     rate_dps: tuple[float, float, float]
 
 
-class Happening(NamedTuple):
-    """What happens from begin_s to end_s. what: of HAPPENINGS, which says what size and number mean."""
-
-    what: str
-    begin_s: float
-    end_s: float = math.inf
-    size: float = 0.0
-    number: int = 0
+class Happening(random_events.Happening):
+    """One of HAPPENINGS."""
 
     def begun(self, time_s: float) -> bool:
         return self.begin_s - INSTANT_S <= time_s

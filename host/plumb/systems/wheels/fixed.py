@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from plumb.kernels.fixed import kernels, plausibility
+from plumb.kernels.fixed import kernels
 from plumb.kernels.fixed.kernels import Params, PidState
 from plumb.kernels.fixed.rate_loop import RateLoopMode, rate_loop_step
 from plumb.kernels.integers import INT32_MAX, clamp, mulhi_i32, wrap_i16
@@ -197,14 +197,4 @@ def control_valid(p: Params) -> bool:
     return within and shown <= TURN_MOST and balancer.control_valid(p)
 
 
-PLAUSIBLE = plausibility.Bounds(
-    setpoint="asked_mps_q26",
-    accel=("accel_x_g_q26", "accel_z_g_q26"),
-    accel_g2_q20=(round(0.4**2 * 2**20), round(1.8**2 * 2**20)),
-    rest_g2_q20=(round(0.9**2 * 2**20), round(1.1**2 * 2**20)),
-    rest_turnps_q28=round(10.0 / 360.0 * 2**28),
-    uneven_turn_q32=round(30.0 / 360.0 * 2**32),
-    ready_turn_q32=round(10.0 / 360.0 * 2**32),
-    setpoint_max=round(0.05 * 2**26),
-    doubts=True,
-)
+PLAUSIBLE = balancer.PLAUSIBLE._replace(setpoint="asked_mps_q26", setpoint_max=round(0.05 * 2**26), doubts=True)

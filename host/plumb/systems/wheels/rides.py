@@ -7,10 +7,9 @@ time that each run draws.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
+from plumb.systems import random_events
 from plumb.systems.random_events import later_s
 
 HELD_S, BEGINS_S = 3.0, 6.0
@@ -31,14 +30,8 @@ CHATTER_MS, CLOSED_MS = 300, 20
 LEFT, RIGHT = 1, 2
 
 
-class Happening(NamedTuple):
-    """One of HAPPENINGS, from begin_s on, before end_s."""
-
-    what: str
-    begin_s: float
-    end_s: float = math.inf
-    size: float = 0.0
-    number: int = 0
+class Happening(random_events.Happening):
+    """One of HAPPENINGS."""
 
     def lasts(self, time_s: float) -> bool:
         return self.begin_s <= time_s < self.end_s
