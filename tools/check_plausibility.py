@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plumb import systems
-from plumb.boards import native_core
-from plumb.boards.native import NativeBoard
+from plumb.boards import native_core, native_plant
 from plumb.contract import disturbance
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.contract.scenario import PushedSystem, tuning_for
@@ -61,18 +60,9 @@ def words_of(
         faults = own.faults([disturbance.parse(own.PUSHED[1])])
     period_us = round(params.period_s * 1e6)
     scenario = own.scenario(name, seed, seconds=seconds, period_us=period_us, faults=faults)
-    setpoint = scenario.setpoint()
     if loop == "open":
-        return native_core.run_control(params, scenario.counts(), setpoint)
-    plant, stepper = own.plant(scenario), NativeBoard().stepper(params)
-    raw = np.zeros((scenario.steps, 6), np.int16)
-    outputs: dict[str, int] = {}
-    for step in range(scenario.steps):
-        time_s = step * scenario.period_us * 1e-6
-        plant.follow(time_s, outputs)
-        raw[step] = plant.counts(time_s)
-        outputs = stepper.step(tuple(raw[step].tolist()), int(setpoint[step])).outputs
-    return native_core.run_control(params, raw, setpoint)
+        return native_core.run_control(params, scenario.counts(), scenario.setpoint())
+    return native_plant.closed_loop(scenario, params).words
 
 
 def cases(chosen: str | None, only: str | None) -> Iterator[tuple[str, str, str, str]]:
