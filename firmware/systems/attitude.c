@@ -4,15 +4,11 @@
 #include "core/error_filter.h"
 #include "plumb/mounting.h"
 
-/* The compiler options of the kernels save cycles in a small step. This step is large: without register
- * renaming, and with short instructions, it takes less flash and hardly more cycles.
- */
-#if defined(__GNUC__) && defined(__arm__)
-#pragma GCC optimize("no-rename-registers", "peephole2")
-#endif
-
 #include "attitude_block.h"
 #include "attitude_gaps.h"
+#include "attitude_start.h"
+#include "attitude_travel.h"
+#include "attitude_turns.h"
 
 #define WORTHLESS_G_Q25      5033165      /* 0.15 g: below it an acceleration tells no direction */
 #define LONGEST_BLOCK_S_Q33  2731598643U  /* 0.318 s: no sum of a block overflows */
@@ -26,11 +22,11 @@ void plumb_attitude_init(plumb_attitude_t *c, const plumb_params_t *p) {
     c->carried_blocks = LANDED_BLOCKS;
     c->weight_g_q18 = 1 << 18;
     c->hover_q15 = p->attitude.aid_hover_q15;
-    start(c, &p->attitude);
+    plumb_attitude_start(c, &p->attitude);
 }
 
 /* Turns rate and acceleration from the sensors' axes to the body's. */
-SELDOM uint32_t mount(const plumb_params_t *p, int32_t rate[3], int32_t accel[3]) {
+SELDOM static uint32_t mount(const plumb_params_t *p, int32_t rate[3], int32_t accel[3]) {
     return (plumb_mounting_apply(&p->gyro_mounting, rate) ? 0U : PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED) |
            (plumb_mounting_apply(&p->accel_mounting, accel) ? 0U : PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED);
 }
@@ -102,17 +98,17 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     const int32_t hz = half_angle(w->rate_turnps_q28[2], a->half_angle);
     const int32_t half[3] = {hx, hy, hz};
     if (((flags & CLIPPED) | c->gyro_clipped_steps | c->accel_clipped_steps) != 0U) {
-        count_clipped(c, a, flags, half);
+        plumb_attitude_count_clipped(c, a, flags, half);
     }
     const int32_t ax = w->accel_g_q25[0], ay = w->accel_g_q25[1], az = w->accel_g_q25[2];
     const bool bridged = c->gap_steps != 0U && flags != PLUMB_ATTITUDE_FLAG_MISSING;
     int32_t force_g_q20[3];
     if (bridged) {
-        bridge(c, a, half, force_g_q20);
+        plumb_attitude_bridge(c, a, half, force_g_q20);
     }
     if (!c->started) {
-        c->started = align(&w->attitude, asr32(ax, 1), asr32(ay, 1), asr32(az, 1), WORTHLESS_G_Q25 / 4U) >=
-                     WORTHLESS_G_Q25 / 4U;
+        c->started = plumb_attitude_align(&w->attitude, asr32(ax, 1), asr32(ay, 1), asr32(az, 1),
+                                          WORTHLESS_G_Q25 / 4U) >= WORTHLESS_G_Q25 / 4U;
         for (unsigned i = 0; i < 3U; i++) {
             c->half_sixth_q32[i] = mulhi_i32(half[i], SIXTH_Q32);
             c->accel_sixth_q25[i] = mulhi_i32(w->accel_g_q25[i], SIXTH_Q32);
@@ -141,10 +137,10 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
     c->accel_sixth_q25[2] = mulhi_i32(az, SIXTH_Q32);
 
     int32_t m[9];
-    c->energy_q24 += turn_body(&w->attitude, turn_x, turn_y, turn_z) >> 6;
-    matrix_of(&w->attitude, m);
+    c->energy_q24 += plumb_attitude_turn_body(&w->attitude, turn_x, turn_y, turn_z) >> 6;
+    plumb_attitude_matrix_of(&w->attitude, m);
     if (bridged) {
-        add_force(c, m, force_g_q20);
+        plumb_attitude_add_force(c, m, force_g_q20);
     }
     c->force_sum_q18[0] += asr32(along(m, fx, fy, fz), 5);
     c->force_sum_q18[1] += asr32(along(m + 3, fx, fy, fz), 5);
@@ -163,12 +159,12 @@ void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int
                abs_u32(sub_wrap(hy, c->half_mean_q32[1])) > still ||
                abs_u32(sub_wrap(hz, c->half_mean_q32[2])) > still;
 
-    bool turned = c->slice != SLICE_NONE && !bridged && compute_slice(c, a);
+    bool turned = c->slice != SLICE_NONE && !bridged && plumb_attitude_compute_slice(c, a);
     if (++w->block_step == (uint32_t)a->block_steps) {
-        turned |= close_block(c, a);
+        turned |= plumb_attitude_close_block(c, a);
     }
     if (turned) {
-        matrix_of(&w->attitude, m);
+        plumb_attitude_matrix_of(&w->attitude, m);
     }
     w->up_q30[0] = m[6];
     w->up_q30[1] = m[7];

@@ -77,21 +77,21 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
     const bool on = (raw[SWITCHES] & PLUMB_QUADROTOR_ROTORS_ON) != 0;
     const bool by_rate = (raw[SWITCHES] & PLUMB_QUADROTOR_MODE_RATE) != 0;
     const bool low = on && given < q->low_q15;
-    const bool lost = listen(w, q, raw[RECEIVER]);
+    const bool lost = plumb_quadrotor_listen(w, q, raw[RECEIVER]);
     count(&w->blind_steps, (flags & PLUMB_QUADROTOR_FLAG_MISSING) != 0U);
     count(&w->idle_steps, low && !airborne);
-    count(&w->lying_steps, low && !by_rate && lies(w, c->attitude.words.accel_g_q25));
+    count(&w->lying_steps, low && !by_rate && plumb_quadrotor_lies(w, c->attitude.words.accel_g_q25));
     count(&w->upturned_steps, on && w->up_q30[2] < 0 && (!by_rate || w->phase != PLUMB_QUADROTOR_FLOWN));
-    watch_runaway(w, low, landed || c->attitude.flown_blocks < WATCHED_BLOCKS);
-    decide(w, q, on, lost, landed, unsure);
+    plumb_quadrotor_watch_runaway(w, low, landed || c->attitude.flown_blocks < WATCHED_BLOCKS);
+    plumb_quadrotor_decide(w, q, on, lost, landed, unsure);
 
     const bool flies = on && w->phase != PLUMB_QUADROTOR_STOPPED;
     const bool alone = w->phase == PLUMB_QUADROTOR_HELD || w->phase == PLUMB_QUADROTOR_LANDING;
     const bool levels = alone || !by_rate;
     const int32_t sticks[3] = {alone ? 0 : raw[ROLL], alone ? 0 : raw[PITCH], alone ? 0 : raw[YAW]};
-    set_throttle(w, q, given, c->attitude.words.block_step == 0U);
-    ask(w, q, sticks, levels,
-        unsure ? min_i32(q->tilt_rate_max_q28, q->unsure_rate_q28) : q->tilt_rate_max_q28);
+    plumb_quadrotor_set_throttle(w, q, given, c->attitude.words.block_step == 0U);
+    plumb_quadrotor_ask(w, q, sticks, levels,
+                        unsure ? min_i32(q->tilt_rate_max_q28, q->unsure_rate_q28) : q->tilt_rate_max_q28);
 
     const rate_loop_mode_t mode = !flies                                ? RATE_LOOP_OFF
                                   : landed                              ? RATE_LOOP_GROUNDED
@@ -105,9 +105,9 @@ void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const i
 
     flags |= (levels ? PLUMB_QUADROTOR_FLAG_LEVELS : 0U) | (lost ? PLUMB_QUADROTOR_FLAG_LOST : 0U);
     if (flies) {
-        flags |= PLUMB_QUADROTOR_FLAG_FLIES | mix(w, q, &p->esc, q->airmode != 0U && !landed);
+        flags |= PLUMB_QUADROTOR_FLAG_FLIES | plumb_quadrotor_mix(w, q, &p->esc, q->airmode != 0U && !landed);
     } else {
-        rest(w, &p->esc);
+        plumb_quadrotor_rest(w, &p->esc);
     }
     w->flags = flags;
 }

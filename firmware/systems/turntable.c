@@ -1,29 +1,10 @@
 #include "plumb/turntable.h"
-#include "core/fusion.h"
+#include "turntable_attitude.h"
+#include "turntable_rate.h"
 
-#define RATE_MAX            1879048192      /* 7 turn/s Q28 */
-#define INCREMENT_MAX       ((1 << 30) - 1) /* Q34: 1/16 turn/s per step */
-#define INNOVATION_MAX      (1 << 30)       /* 4 turn/s Q28 */
-#define SHOCK_MAX           (1 << 25)       /* 1/8 turn/s Q28: its square is the largest variance */
-#define STILL_Q64           ((int64_t)1 << 32) /* of zero rate at rest, and of zero difference: (0.006 deg/s)^2 */
-#define SCALE_MAX           (1 << 28)          /* a quarter */
-#define LAG_MAX             (1 << 28)          /* 16 steps */
-#define BIAS_MAX            0x7FFFFF00         /* of both biases: 45 deg/s; at 250 Hz 45 deg/s^2 */
-#define STEP_Q24            (1UL << 24)
-#define SCALE_PROJECTED_MAX (1 << 29) /* 2 turn/s per unit */
-#define LAG_PROJECTED_MAX   (1 << 25) /* 1/8 turn/s per step of lag */
-#define ANGULAR_STALE       4U        /* steps; the gyro's history lasts four of its periods */
-
-/* Intermediate values of one step. */
-typedef struct {
-    bool gyro, angular, gyro_lost, rest, shock;
-    bool two_attitudes;          /* attitude layer: the attitudes turn each by its own sensor */
-    int32_t age_q24;             /* of the gyro's sample */
-    int32_t lagged_q34[3];       /* lagged increment at the sample's instant */
-    int32_t expected_q28[3];     /* rate there, less what the lag takes off */
-    int64_t turn_q60[3];         /* rotation of `attitude` in this step */
-    int64_t turn_angular_q60[3]; /* of the angular accelerometer's attitude, or of both */
-} turntable_step_t;
+#define INCREMENT_MAX ((1 << 30) - 1) /* Q34: 1/16 turn/s per step */
+#define STEP_Q24      (1UL << 24)
+#define ANGULAR_STALE 4U /* steps; the gyro's history lasts four of its periods */
 
 SELDOM_CALLED void plumb_turntable_init(plumb_turntable_t *c, const plumb_params_t *p) {
     const plumb_fusion_params_t *f = &p->fusion;
@@ -139,33 +120,6 @@ static void predict(plumb_turntable_words_t *w, const plumb_params_t *p, const t
     }
 }
 
-/* *x += gain * innovation, clamped to +-limit. */
-KERNEL void correct_one(int32_t *x, int32_t gain_q28, int32_t innovation_q28, unsigned shift, int32_t limit) {
-    *x = clamp_i32(add_scaled(*x, gain_q28, innovation_q28, shift), -limit, limit);
-}
-
-/* Correct rate and biases of one axis by a measurement. */
-static void correct(plumb_turntable_words_t *w, unsigned i, const int32_t gain_q28[FUSION_ROWS],
-                    int32_t innovation_q28) {
-    correct_one(&w->rate_fused_turnps_q28[i], gain_q28[FUSION_RATE], innovation_q28, 28, RATE_MAX);
-    correct_one(&w->bias_gyro_turnps_q34[i], gain_q28[FUSION_GYRO_BIAS], innovation_q28, 22, BIAS_MAX);
-    correct_one(&w->bias_angular_turnps_q42[i], gain_q28[FUSION_ANGULAR_BIAS], innovation_q28, 16, BIAS_MAX);
-}
-
-/* A rotation of gain times innovation, turn Q60, within a quarter turn. */
-static int64_t correction_q60(int32_t gain_q28, int32_t innovation_q28) {
-    return 16 * within_i64(mul_i64(gain_q28, innovation_q28), (int64_t)1 << 54);
-}
-
-/* Merge the two attitudes into one. */
-static void merge_attitudes(plumb_turntable_words_t *w) {
-    w->attitude_angular = w->attitude;
-    for (unsigned j = 0; j < FUSION_STATES; j++) {
-        w->covariance_q64[FUSION_CELL(FUSION_DIFFERENCE, j)] = 0;
-    }
-    w->covariance_q64[FUSION_CELL(FUSION_ANGLE, FUSION_DIFFERENCE)] = 0;
-}
-
 /* At rest: measurement update with rate 0, so that the sensors' readings go into the biases. */
 static void update_zero_rate(plumb_turntable_words_t *w) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS];
@@ -173,155 +127,11 @@ static void update_zero_rate(plumb_turntable_words_t *w) {
     plumb_fusion_gains(u, plumb_fusion_project_state(p, FUSION_RATE, u) + STILL_Q64, gain);
     plumb_fusion_update(p, gain, u);
     for (unsigned i = 0; i < 3U; i++) {
-        correct(w, i, gain, -w->rate_fused_turnps_q28[i]);
+        plumb_turntable_correct(w, i, gain, -w->rate_fused_turnps_q28[i]);
     }
-    merge_attitudes(w);
+    plumb_turntable_merge_attitudes(w);
     for (unsigned j = 0; j < FUSION_STATES; j++) {
         p[FUSION_CELL(FUSION_ANGLE, j)] = 0;
-    }
-}
-
-/* Second stage of one axis: estimate scale and lag from the innovation, and add their part to the gains. */
-static void learn(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, const turntable_step_t *s,
-                  unsigned i, int64_t s_q64, int32_t gain[FUSION_ROWS]) {
-    const int32_t rate = s->expected_q28[i];
-    const int32_t scale = plumb_fusion_parameter_project(
-        &w->scale[i], s->age_q24, add_scaled(0, f->share_q30, rate, 30), SCALE_PROJECTED_MAX);
-    const int32_t lag = plumb_fusion_parameter_project(&w->lag[i], s->age_q24, -asr32(s->lagged_q34[i], 6),
-                                                       LAG_PROJECTED_MAX);
-    plumb_fusion_parameter_update(&w->scale[i], gain, scale);
-    plumb_fusion_parameter_update(&w->lag[i], gain, lag);
-    if (!s->angular || s->shock) {
-        return;
-    }
-    const int32_t innovation = w->innovation_turnps_q28[i];
-    const int64_t scale_q60 = plumb_fusion_parameter_cross(&w->scale[i], scale);
-    const int64_t lag_q60 = plumb_fusion_parameter_cross(&w->lag[i], lag);
-    const fusion_inverse_t all =
-        plumb_fusion_inverse(s_q64 + 16 * mul_shift(scale_q60, scale, 28) + 16 * mul_shift(lag_q60, lag, 28));
-    const int32_t scale_gain = plumb_fusion_parameter_learn(&w->scale[i], scale_q60, all, gain);
-    const int32_t lag_gain = plumb_fusion_parameter_learn(&w->lag[i], lag_q60, all, gain);
-    correct_one(&w->scale_q30[i], scale_gain, innovation, 18, SCALE_MAX);
-    correct_one(&w->lag_step_q24[i], lag_gain, innovation, 24, LAG_MAX);
-    w->lag_step_q24[i] = max_i32(w->lag_step_q24[i], 0);
-}
-
-/* Data layer: compare the gyro's sample with the predicted rate. */
-static void compare_rates(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, turntable_step_t *s) {
-    int64_t *p = w->covariance_q64, u[FUSION_ROWS], largest_q64 = 0;
-    for (unsigned i = 0; i < 3U; i++) {
-        const int32_t rate = s->expected_q28[i];
-        const int32_t scale_q30 = add_scaled(0, f->share_q30, w->scale_q30[i], 30);
-        const int64_t seen =
-            (int64_t)add_scaled(rate, rate, scale_q30, 30) + asr32(w->bias_gyro_turnps_q34[i] + 32, 6);
-        const int32_t innovation =
-            (w->gyro.spikes >> i & 1U) != 0U ? 0 : sat_i32(w->rate_turnps_q28[i] - seen);
-        w->innovation_turnps_q28[i] = clamp_i32(innovation, -INNOVATION_MAX, INNOVATION_MAX);
-        const int32_t size = clamp_i32(innovation, -SHOCK_MAX, SHOCK_MAX);
-        const int64_t square_q64 = 256 * mul_i64(size, size);
-        largest_q64 = square_q64 > largest_q64 ? square_q64 : largest_q64;
-    }
-    const int64_t r_q64 = (int64_t)f->r_gyro_q44 << 20;
-    int64_t s_q64 = plumb_fusion_project_rate(p, s->age_q24, u) + r_q64;
-    s->shock =
-        asr64(largest_q64, 5) > s_q64; /* 5.7 sigma: a rate that the angular accelerometer did not see */
-    if (s->shock) {
-        w->flags |= PLUMB_TURNTABLE_FLAG_SHOCK;
-        p[FUSION_CELL(FUSION_RATE, FUSION_RATE)] += largest_q64;
-        s_q64 = plumb_fusion_project_rate(p, s->age_q24, u) + r_q64;
-    }
-    int32_t first[FUSION_ROWS];
-    plumb_fusion_gains(u, s_q64, first);
-    plumb_fusion_update(p, first, u);
-    for (unsigned i = 0; i < 3U; i++) {
-        int32_t gain[FUSION_ROWS] = {first[0], first[1], first[2], first[3], first[4]};
-        if ((w->gyro.spikes >> i & 1U) != 0U) {
-            continue;
-        }
-        if (!s->rest && f->layer != PLUMB_FUSION_ATTITUDE) {
-            learn(w, f, s, i, s_q64, gain);
-        }
-        correct(w, i, gain, w->innovation_turnps_q28[i]);
-        if (f->layer == PLUMB_FUSION_DATA) {
-            s->turn_q60[i] += correction_q60(gain[FUSION_ANGLE], w->innovation_turnps_q28[i]);
-        }
-    }
-}
-
-/* Rate of the step from the gyro's sample, which is slightly older than the step. */
-static int32_t sampled(const plumb_turntable_words_t *w, const turntable_step_t *s, unsigned i) {
-    const int64_t ahead_q28 = (int64_t)w->rate_fused_turnps_q28[i] - s->expected_q28[i];
-    const int64_t sample_q28 = ahead_q28 + w->rate_turnps_q28[i] - asr32(w->bias_gyro_turnps_q34[i] + 32, 6);
-    return (int32_t)within_i64(sample_q28, RATE_MAX);
-}
-
-/* Attitude layer: the gyro's own rate, propagated to the steps by the angular acceleration. A gyro sample
- * corrects half of the difference, as the trapezoidal rule does. */
-static void align_gyro(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, turntable_step_t *s) {
-    const int32_t period_s_q32 = add_scaled(0, f->dt_s_q32, (int32_t)f->gyro_period_step_q24, 24);
-    for (unsigned i = 0; i < 3U; i++) {
-        const int32_t grown = w->increment_turnps_q34[i], rate = w->rate_corrected_turnps_q28[i];
-        int32_t aligned = clamp_i32(rate + asr32(grown + 32, 6), -RATE_MAX, RATE_MAX);
-        s->turn_q60[i] = mul_i64(rate + asr32(grown + 64, 7), f->dt_s_q32);
-        if (s->gyro && (w->gyro.spikes >> i & 1U) == 0U) {
-            const int64_t beside = (int64_t)sampled(w, s, i) - aligned;
-            const int32_t surprise = (int32_t)within_i64(beside, INNOVATION_MAX);
-            s->turn_q60[i] += asr64(mul_i64(surprise, period_s_q32), 1);
-            aligned = clamp_i32(aligned + surprise, -RATE_MAX, RATE_MAX);
-        }
-        w->rate_corrected_turnps_q28[i] = aligned;
-    }
-}
-
-/* Attitude layer: correct both attitudes by their difference. */
-static void compare_attitudes(plumb_turntable_words_t *w, const plumb_fusion_params_t *f) {
-    int64_t *p = w->covariance_q64, u[FUSION_ROWS], turn_q60[3], turn_angular_q60[3];
-    int32_t gain[FUSION_ROWS], difference_turn_q32[3];
-    /* what the gyro's noise has added since its last sample: (noise of a sample * samples' distance)^2 */
-    const int32_t period_q24 = (int32_t)f->gyro_period_step_q24;
-    const int64_t walk_q64 =
-        mul_shift(mul_shift((int64_t)f->r_gyro_q44 << 20, period_q24, 24), period_q24, 24);
-    p[FUSION_CELL(FUSION_DIFFERENCE, FUSION_DIFFERENCE)] += walk_q64;
-    p[FUSION_CELL(FUSION_ANGLE, FUSION_DIFFERENCE)] -= mul_shift(walk_q64, f->dt_s_q32, 32);
-    plumb_fusion_gains(u, plumb_fusion_project_state(p, FUSION_DIFFERENCE, u) + STILL_Q64, gain);
-    plumb_fusion_update(p, gain, u);
-    plumb_quaternion_difference(&w->attitude_angular, &w->attitude, difference_turn_q32);
-    for (unsigned i = 0; i < 3U; i++) {
-        const int32_t difference = add_scaled(0, difference_turn_q32[i], f->step_hz_q16, 20);
-        const int32_t innovation = clamp_i32(difference, -INNOVATION_MAX, INNOVATION_MAX);
-        w->innovation_turnps_q28[i] = innovation;
-        correct(w, i, gain, innovation);
-        correct_one(&w->rate_corrected_turnps_q28[i], gain[FUSION_GYRO_BIAS], -innovation, 28, RATE_MAX);
-        turn_q60[i] = correction_q60(gain[FUSION_ANGLE], innovation);
-        turn_angular_q60[i] =
-            turn_q60[i] + mul_i64(add_scaled(0, gain[FUSION_DIFFERENCE], innovation, 28), f->dt_s_q32);
-    }
-    plumb_quaternion_rotate(&w->attitude, turn_q60);
-    plumb_quaternion_rotate(&w->attitude_angular, turn_angular_q60);
-}
-
-/* Propagate both attitudes by one step. */
-static void propagate_attitude(plumb_turntable_words_t *w, const plumb_fusion_params_t *f,
-                               turntable_step_t *s) {
-    if (s->two_attitudes) {
-        align_gyro(w, f, s);
-        plumb_quaternion_rotate(&w->attitude_angular, s->turn_angular_q60);
-        plumb_quaternion_rotate(&w->attitude, s->turn_q60);
-        if (s->gyro) {
-            compare_attitudes(w, f);
-        }
-        return;
-    }
-    /* a gyro that has just returned starts anew, with its own sample and the attitude of the other sensor */
-    const bool back = f->layer == PLUMB_FUSION_ATTITUDE && !s->rest && s->gyro;
-    for (unsigned i = 0; i < 3U; i++) {
-        w->rate_corrected_turnps_q28[i] = back ? sampled(w, s, i) : w->rate_fused_turnps_q28[i];
-    }
-    if (!s->rest) {
-        plumb_quaternion_rotate(&w->attitude, s->turn_q60);
-    }
-    if (f->layer == PLUMB_FUSION_ATTITUDE) {
-        merge_attitudes(w);
     }
 }
 
@@ -344,7 +154,7 @@ void plumb_turntable_step(plumb_turntable_t *c, const plumb_params_t *p, const i
         update_zero_rate(w);
     }
     if (s.gyro && (s.rest || p->fusion.layer != PLUMB_FUSION_ATTITUDE)) {
-        compare_rates(w, &p->fusion, &s);
+        plumb_turntable_compare_rates(w, &p->fusion, &s);
     }
-    propagate_attitude(w, &p->fusion, &s);
+    plumb_turntable_propagate_attitude(w, &p->fusion, &s);
 }

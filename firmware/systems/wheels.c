@@ -147,7 +147,7 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     const bool first = w->step == 0U;
     const int32_t left = first ? 0 : (int16_t)sub_wrap(raw[LEFT], w->raw[LEFT]);
     const int32_t right = first ? 0 : (int16_t)sub_wrap(raw[RIGHT], w->raw[RIGHT]);
-    const bool odd = is_odd(w);
+    const bool odd = plumb_wheels_is_odd(w);
     const bool repeats = !first && (raw[ACCEL_X] == w->raw[ACCEL_X] || raw[ACCEL_Z] == w->raw[ACCEL_Z]);
     w->still_steps = in_a_row(w->still_steps, odd || repeats, q->still_steps);
     const bool blind = w->still_steps >= q->still_steps;
@@ -174,7 +174,7 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     }
     uint32_t flags = turning(w, p, right - left, raw[GYRO_UP]);
     const bool slips = w->slip_steps != 0U;
-    w->sum_counts = both(w, p, left, right);
+    w->sum_counts = plumb_wheels_both(w, p, left, right);
     const int16_t one_wheel[PLUMB_RAW_MAX] = {raw[GYRO], raw[ACCEL_X], raw[ACCEL_Z],
                                               (int16_t)(b->raw[3] + w->sum_counts)};
     c->balancer.blind = blind || odd;
@@ -184,8 +184,8 @@ void plumb_wheels_step(plumb_wheels_t *c, const plumb_params_t *p, const int16_t
     plumb_balancer_step(&c->balancer, p, one_wheel, wanted);
     take_balancer(w, b);
 
-    flags |= b->flags | doubt(w, q, on, left, right, p->drive.duty_max_q15);
-    w->stop_reason = stopped_by(w, flags, on, blind);
+    flags |= b->flags | plumb_wheels_doubt(w, q, on, left, right, p->drive.duty_max_q15);
+    w->stop_reason = plumb_wheels_stopped_by(w, flags, on, blind);
     const bool drives = on && w->stop_reason == 0U;
     rate_loop_step(&w->turn, &p->turn, INT32_MAX, q->integral_max_q30, w->asked_turnps_q28,
                    w->turn_rate_turnps_q28,

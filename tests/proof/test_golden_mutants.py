@@ -22,8 +22,8 @@ SEED, SAMPLE = 1, 12
 DEFECTS = {
     "bias bound": ("core/kalman.h", "-(1 << 26), (1 << 26) - 1)", "-(1 << 26), (1 << 26))"),
     "p11 bound": ("core/kalman.h", "0, (1 << 24) - 1)", "-1, (1 << 24) - 1)"),
-    "free fall": ("systems/attitude_block.h", "lever < asr32(time_q32, 2) ?", "false ?"),
-    "a fall turns nothing": ("systems/attitude_turns.h", "if (half < least)", "if (false)"),
+    "free fall": ("systems/attitude_block.c", "lever < asr32(time_q32, 2) ?", "false ?"),
+    "a fall turns nothing": ("systems/attitude_turns.c", "if (half < least)", "if (false)"),
     "wheel clamp flag": ("core/wheel.h", "return used != edges || ", "return "),
     "wheel acceleration flag": ("core/wheel.h", " || limited_q24 != accel_q24", ""),
     "limit of growth": ("core/error_filter.c", "*variance < VARIANCE", "*variance <= VARIANCE"),

@@ -49,7 +49,8 @@ class Tables:
         subprocess.run([*generate, f"--systems={';'.join(image.systems)}"], check=True)
         sources = [made / "generated" / name for name in ("params.c", "systems.c")]
         sources += [FIRMWARE / "link/store.c", FIRMWARE / "ports/native/flash.c", *(FIRMWARE / "core").glob("*.c")]
-        sources += [FIRMWARE / "systems" / f"{system.name}.c" for system in declarations.with_bases(image.systems)]
+        for system in declarations.with_bases(image.systems):
+            sources += [FIRMWARE / "systems" / f"{system.name}.c", *(FIRMWARE / "systems").glob(f"{system.name}_*.c")]
         includes = [f"-I{place}" for place in (made, made / "include", FIRMWARE, FIRMWARE / "include")]
         flags = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror", "-shared", "-fPIC"]
         flags += ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error", "-Wl,-Bsymbolic"]

@@ -1,7 +1,7 @@
 """The end of a block of `attitude` in integers, and its computations in the steps of the next block, one slice a step:
 correction, judgement, growth and measurements.
 
-The functions have the names of firmware/systems/attitude_block.h.
+The functions have the names of firmware/systems/attitude_block.c and attitude_judge.c, without plumb_attitude_.
 """
 
 from __future__ import annotations

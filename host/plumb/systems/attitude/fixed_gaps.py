@@ -1,6 +1,6 @@
 """How `attitude` handles samples that are missing or at the limit of a sensor, in integers.
 
-The functions have the names of firmware/systems/attitude_gaps.h.
+The functions have the names of firmware/systems/attitude_gaps.c, without plumb_attitude_.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How `attitude` notices in integers that the bias of the gyro has stepped.
 
-The functions have the names of firmware/systems/attitude_shock.h.
+The functions have the names of firmware/systems/attitude_shock.c, without plumb_attitude_.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """How `attitude` uses the velocity of a body, in integers: whether the body travels or flies, and its velocity by the
 drag of the rotors.
 
-The functions have the names of firmware/systems/attitude_travel.h.
+The functions have the names of firmware/systems/attitude_travel.c, without plumb_attitude_.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How the quaternion of `attitude` turns in integers: about the earth's axes, about the body's, to the vertical.
 
-The functions have the names of firmware/systems/attitude_turns.h.
+The functions have the names of firmware/systems/attitude_turns.c, without plumb_attitude_.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The rates that sticks and the error of the vertical demand of `quadrotor`, and the mixer of an X frame, in integers.
 
-The functions have the names of firmware/systems/quadrotor_mixer.h.
+The functions have the names of firmware/systems/quadrotor_mixer.c, without plumb_quadrotor_.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The phase of `quadrotor` in integers, from the receiver's frames and from conditions that last.
 
-The functions have the names of firmware/systems/quadrotor_phase.h.
+The functions have the names of firmware/systems/quadrotor_phase.c, without plumb_quadrotor_.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """`turntable` in integers: two sensors of different rates to a quaternion (docs/reference/arithmetic/turntable.md).
 
-The functions have the names of firmware/systems/turntable.c.
+The functions have the names of firmware/systems/turntable*.c, without plumb_turntable_.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What the step of `wheels` does not believe, in integers: an accelerometer that stands still, encoders that are dead,
 a wheel that slips, and wheels in the air.
 
-The functions have the names of firmware/systems/wheels_doubt.h.
+The functions have the names of firmware/systems/wheels_doubt.c, without plumb_wheels_.
 """
 
 from __future__ import annotations
