@@ -239,6 +239,10 @@ static void whole_turn(void) {
     seal_memory(orders.mode);
 }
 
+const session_t *loop_session(void) {
+    return &session;
+}
+
 void loop_turn(void) {
 #if SHORT_TURNS
     const uint32_t now_us = board_now_us();

@@ -9,6 +9,8 @@
 #ifndef PLUMB_LOOP_H
 #define PLUMB_LOOP_H
 
+#include "link/session.h"
+
 /* Load the saved parameters, start the board (board_init()), and open the session. Static memory is zero. */
 void loop_start(void);
 
@@ -16,5 +18,8 @@ void loop_start(void);
  * caller sleeps in board_idle() between two turns, so that no return address of a turn lies on the stack
  * meanwhile: the stack has no check word. */
 void loop_turn(void);
+
+/* The session, for a port that shows its state. */
+const session_t *loop_session(void);
 
 #endif

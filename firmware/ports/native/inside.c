@@ -1,11 +1,12 @@
-/* Compiles the shipped loop into this file, unchanged, so that the host can read its static state. */
-#include "app/loop.c"
+/* Shows the host the state of the shipped loop. */
+#include "app/loop.h"
 #include "link/arming_reasons.h"
 #include "link/requests.h"
 #include "port.h"
 
 void inside_look(void) {
-    native.armed = session_armed(&session);
-    native.steps = session.run.step;
-    native.receive_room = (uint32_t)requests_room(&session);
+    const session_t *const s = loop_session();
+    native.armed = session_armed(s);
+    native.steps = s->run.step;
+    native.receive_room = (uint32_t)requests_room(s);
 }
