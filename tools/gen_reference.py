@@ -109,9 +109,9 @@ def parameter_table() -> str:
     lines = [
         "# Parameters",
         "",
-        "The table as PARAM_GET and `plumb params --raw` have it; values are integers as the firmware",
-        "holds them. Qn: the integer is the value times 2^n. Live parameters may change during a run in real",
-        "time that is not armed.",
+        "The table as PARAM_GET and `plumb params --raw` have it, in the order of the indices, from 0; values are",
+        "integers as the firmware holds them. Qn: the integer is the value times 2^n. Live parameters may change",
+        "during a run in real time that is not armed.",
         "",
         "`armed` is what an armed board takes; the numbers are those of the",
         "[promises](../explanation/security.md#promises). With another value the board is not armed, and names it.",
@@ -125,10 +125,9 @@ def parameter_table() -> str:
         "",
     ]
     lines += _table(
-        ("index", "name", "unit", "format", "least", "largest", "factory", "meaning", "armed"),
+        ("name", "unit", "format", "least", "largest", "factory", "meaning", "armed"),
         [
             (
-                str(i),
                 row.name,
                 row.unit,
                 row.format,
@@ -138,7 +137,7 @@ def parameter_table() -> str:
                 row.doc + _LIVE * row.live,
                 _armed(row),
             )
-            for i, row in enumerate(parameters.table())
+            for row in parameters.table()
         ],
     )
     return LINE_1 + "\n".join(lines)

@@ -21,6 +21,7 @@ import gen_chips  # type: ignore[import-not-found]  # noqa: E402
 import gen_messages  # type: ignore[import-not-found]  # noqa: E402
 import gen_params  # type: ignore[import-not-found]  # noqa: E402
 import gen_reference  # type: ignore[import-not-found]  # noqa: E402
+import gen_settings  # type: ignore[import-not-found]  # noqa: E402
 import gen_systems  # type: ignore[import-not-found]  # noqa: E402
 import wrap_prose  # type: ignore[import-not-found]  # noqa: E402
 from plumb.errors import UsageError  # noqa: E402
@@ -44,6 +45,7 @@ def c_files(built: tuple[str, ...] = (), flash: bool = False) -> dict[str, str]:
         **gen_messages.generate(),
     }
     files["chips.c"] = gen_chips.chips_c(ways)
+    files["ranges.h"] = gen_settings.ranges_h(declarations.systems().values())
     return {name if "/" in name else f"generated/{name}": text for name, text in files.items()}
 
 
@@ -56,6 +58,7 @@ def committed() -> dict[Path, str]:
     }
     files |= {ROOT / "docs" / "reference" / name: text for name, text in gen_reference.generate().items()}
     files[ROOT / "docs" / "reference" / "sensor-chips.md"] = wrap_prose.wrapped(gen_chips.page())
+    files |= gen_settings.settings_files(declarations.systems())
     return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": tool_dbc.text()}
 
 

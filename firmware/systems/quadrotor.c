@@ -2,6 +2,7 @@
 #include "core/esc.h"
 #include "core/fixed.h"
 #include "core/rate_loop.h"
+#include "generated/ranges.h"
 #include "quadrotor_mixer.h"
 #include "quadrotor_phase.h"
 
@@ -129,33 +130,8 @@ const plumb_takeoff_bounds_t plumb_quadrotor_takeoff = {
     .variance_max_rad2_q32 = 11774897U /* (3 deg)^2 */
 };
 
-/* 0..most */
-static bool is_up_to(int32_t value, uint32_t most) {
-    return (uint32_t)value <= most;
-}
-
-/* 1..most */
-static bool is_one_to(uint32_t steps, uint32_t most) {
-    return steps != 0U && steps <= most;
-}
-
-/* Checks the ranges of the parameters: demands of the sticks, shares of the mixer, and numbers of steps. */
-static bool in_range(const plumb_quadrotor_params_t *q) {
-    return is_up_to(q->tilt_max_q30, 644245094U) && q->tilt_gain_q28 >= 0 &&
-           is_up_to(q->tilt_rate_max_q28, 1342177280U) && is_up_to(q->stick_rate_q28, 1342177280U) &&
-           is_up_to(q->yaw_rate_max_q28, 738197504U) && q->d_alpha_q31 >= 0 &&
-           is_up_to(q->integral_max_q30, 1U << 30) && is_up_to(q->yaw_max_q24, 1U << 24) &&
-           is_up_to(q->idle_q24, 1U << 22) && q->airmode <= 1U && is_up_to(q->low_q15, 8192U) &&
-           is_one_to(q->lost_steps, STEPS_MOST) && q->held_steps < STEPS_MOST &&
-           is_one_to(q->back_steps, STEPS_MOST) && q->lost_action <= 1U &&
-           is_up_to(q->land_gs_q28, 1U << 27) && is_one_to(q->land_steps, STEPS_MOST - 1U) &&
-           is_one_to(q->blind_steps, STEPS_MOST) && is_one_to(q->idle_limit, STEPS_MOST) &&
-           is_one_to(q->lying_limit, STEPS_MOST) && is_one_to(q->runaway_limit, STEPS_MOST) &&
-           is_one_to(q->upturned_limit, STEPS_MOST) && is_up_to(q->unsure_rate_q28, 1342177280U);
-}
-
 SELDOM_CALLED bool plumb_quadrotor_params_valid(const plumb_params_t *p) {
-    return plumb_attitude_params_valid(p) && plumb_esc_valid(&p->esc) && in_range(&p->quadrotor) &&
+    return plumb_attitude_params_valid(p) && plumb_esc_valid(&p->esc) && quadrotor_in_range(&p->quadrotor) &&
            plumb_rate_loop_valid(&p->rate_roll) && plumb_rate_loop_valid(&p->rate_pitch) &&
            plumb_rate_loop_valid(&p->rate_yaw);
 }

@@ -20,7 +20,8 @@ from plumb.judging.quadrotor.tested_loops import AxisOfVehicle
 from plumb.proof import loop_figures
 from plumb.systems.quadrotor import scenarios
 from plumb.systems.quadrotor.reference_rates import RateLoop
-from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains
+from plumb.systems.quadrotor.settings import RateGains
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.tuning.cascade_model import Cascade, CascadeGains
 from plumb.tuning.loop_model import nearest_margins
 

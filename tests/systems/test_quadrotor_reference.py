@@ -18,7 +18,8 @@ from plumb.systems.attitude import reference as attitude_reference
 from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Motion
 from plumb.systems.quadrotor import fixed_mixer, reference
 from plumb.systems.quadrotor.reference_rates import error_of_vertical
-from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains, Rates, Receiver
+from plumb.systems.quadrotor.settings import RateGains, Rates, Receiver
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
 PERIOD_US, STEPS = 2500, 2400
 GYRO, ACCEL = (Channel(0.0, by, -32767, 32767) for by in (2000.0 / 32768.0, 1.0 / 2048.0))

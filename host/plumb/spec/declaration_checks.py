@@ -58,7 +58,7 @@ FLASH_KIB_MOST = 60
 """Flash of an STM32F103C8 below its parameters."""
 UNLISTED_IMAGES = ("alone", "alone_on_others", "all")
 """Tables of images.toml that every system is in: its own image, and that of all systems."""
-_OPTIONAL = {"was", "live", "weakens", "armed", "harmless"}
+_OPTIONAL = {"was", "live", "weakens", "armed", "harmless", "setting"}
 
 
 def _check_text(what: str, value: object, pattern: re.Pattern[str] | None = None) -> None:
@@ -220,6 +220,30 @@ def _check_parameters(system: System) -> None:
         raise UsageError(f"period = {system.period!r:.40}: it names a parameter of the groups that the step reads")
 
 
+def _check_settings(system: System) -> None:
+    """Raises UsageError for a setting whose group is not declared, a name that two have, and types that differ."""
+    groups = {group.name: group for group in system.setting_groups}
+    names = [setting.name for setting in system.settings]
+    for setting in system.settings:
+        if setting.group not in groups:
+            raise UsageError(f"setting {setting.name}: the table settings has no {setting.group}")
+        if names.count(setting.name) > 1:
+            raise UsageError(f"setting {setting.name} is there twice")
+    kinds = {group.type: _fields_of(system, group.name) for group in groups.values()}
+    for group in groups.values():
+        if _fields_of(system, group.name) != kinds[group.type]:
+            raise UsageError(f"settings: the groups of type {group.type} differ in their settings")
+
+
+def _fields_of(system: System, group: str) -> list[tuple[object, ...]]:
+    """What a class of settings consists of."""
+    return [
+        (setting.name.rpartition(".")[2], setting.unit, setting.doc, setting.default, setting.type)
+        for setting in system.settings
+        if setting.group == group
+    ]
+
+
 def _check_folder(system: System) -> None:
     """Raises UsageError for a command or a part that the declaration names and its folders lack."""
     for name, text in system.commands.items():
@@ -295,6 +319,7 @@ def check(system: System, shared: Sequence[TomlTable], of_bases: Sequence[TomlTa
         raise UsageError(f"number is an integer from 0 to {NUMBERS[-1]}, not {system.number!r:.40}")
     _check_names(system)
     _check_parameters(system)
+    _check_settings(system)
     _check_folder(system)
     _check_units(system)
     _check_groups(system, shared, of_bases)

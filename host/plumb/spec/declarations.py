@@ -11,11 +11,13 @@ import os
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
 
 from plumb.errors import UsageError
 from plumb.near_names import did_you_mean
+from plumb.spec import settings
 from plumb.spec.declaration_checks import check, check_commands, check_images
 from plumb.spec.system import (
     OUTPUTS,
@@ -202,7 +204,7 @@ def _system(folder: Path, table: TomlTable, above: tuple[str, ...]) -> System:
         output_words=_output_words(output, words),
         period=table["period"],
         groups=tuple(table["groups"]),
-        parameters=tuple({"owner": "control", **row} for row in table.get("parameter", ())),
+        parameters=_parameters(table),
         conditions=tuple(table.get("condition", ())),
         includes=tuple(structs.pop("includes", ())),
         structs=structs,
@@ -220,10 +222,30 @@ def _system(folder: Path, table: TomlTable, above: tuple[str, ...]) -> System:
         checks=output.get("checks", ""),
         unchecked=output.get("unchecked", ""),
         stop_reasons=tuple(StopReason(**reason) for reason in table.get("stop_reasons", ())),
+        setting_groups=tuple(settings.read_group(name, group) for name, group in table.get("settings", {}).items()),
+        own_settings=tuple(settings.read(setting) for setting in table.get("setting", ())),
     )
     check(declared, shared()["parameter"], [row for base in bases for row in base.parameters])
     check_images(declared, tuple(image_limits()))
     return declared
+
+
+def _parameters(table: TomlTable) -> tuple[TomlTable, ...]:
+    """The rows of a system's own parameters. One with a setting and without a factory value has that of its setting, at
+    the period `factory_us`."""
+    factory_us, rows = table.get("factory_us", 0), []
+    if type(factory_us) is not int or factory_us < 0:
+        raise UsageError(f"factory_us is a period in us, not {factory_us!r:.40}")
+    for row in table.get("parameter", ()):
+        new = {"owner": "control", **row}
+        if "setting" in row:
+            new["setting"] = setting = settings.read(row["setting"], row.get("doc", ""))
+            if not setting.conversion:
+                raise UsageError(f"setting {setting.name}: conversion is missing; without one it is a [[setting]]")
+            if factory_us and "default" not in row and setting.default is not None:
+                new["default"] = settings.factory_word(setting, row["format"], row["max"], Fraction(factory_us, 10**6))
+        rows.append(new)
+    return tuple(rows)
 
 
 def _inputs(channels: Sequence[Channel], step_commands: Sequence[Command]) -> Iterator[Word]:

@@ -16,6 +16,7 @@ from functools import lru_cache
 
 from plumb.errors import UsageError
 from plumb.spec import declarations, imu_chips
+from plumb.spec.settings import Setting
 from plumb.spec.speed_controllers import GAP_HALFUS, foreign_parameter
 from plumb.spec.system import System, TomlTable, group_of
 
@@ -33,7 +34,7 @@ class Parameter:
     weakens: numbered promises (docs/explanation/security.md) that it can weaken; armed: least and largest value of an
     armed board, () where conditions of several words say it (`plumb.spec.armed_values`). harmless: why it can weaken
     none. part: of a row of the link, the part of a board that it sets up: images whose systems do not use that part
-    (`System.parts`) do not hold the row.
+    (`System.parts`) do not hold the row. setting: the setting in engineering units that it holds, if it holds one.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Parameter:
     armed: tuple[int, ...] = ()
     harmless: str = ""
     part: str = ""
+    setting: Setting | None = None
 
     @property
     def id(self) -> int:

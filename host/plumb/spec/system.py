@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from plumb.checkout import PACKAGE
 from plumb.errors import UsageError
+from plumb.spec.settings import Setting, SettingGroup
 
 TomlTable = Mapping[str, Any]  # Any: values as TOML gives them; they are checked when the declaration is loaded
 """A table of a declaration."""
@@ -215,6 +216,7 @@ class System:
     `marked` (every count is -32768). output: "" without an actuator, else a key of OUTPUTS; output_words drive it.
     checks: "" without an actuator, else a key of CHECKS; unchecked: the reason for UNCHECKED.
     stop_reasons: bits of the word `stop_reason`, () without that word.
+    setting_groups: groups of settings in engineering units; own_settings: those that are no single parameter.
     period: the parameter that holds the period of a step in s.
     groups: shared parameter groups that the step reads; parameters: rows of the system's own groups.
     stands_on: systems whose step this one calls; base_groups: the groups that those read. all_groups: all of these.
@@ -268,6 +270,13 @@ class System:
     checks: str = ""
     unchecked: str = ""
     stop_reasons: tuple[StopReason, ...] = ()
+    setting_groups: tuple[SettingGroup, ...] = ()
+    own_settings: tuple[Setting, ...] = ()
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """The settings in engineering units: those without a conversion, then those of the parameters."""
+        return (*self.own_settings, *(row["setting"] for row in self.parameters if "setting" in row))
 
     @property
     def shipped(self) -> bool:

@@ -20,7 +20,8 @@ from dataclasses import replace
 import numpy as np
 
 from plumb.physics.airframe import HUMMINGBIRD_X, THRUST_LINEAR, THRUST_SQUARE, Airframe
-from plumb.systems.quadrotor.tuning import QuadrotorTuning, RateGains, Rates
+from plumb.systems.quadrotor.settings import RateGains, Rates
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
 RATE_PER_S, YAW_PER_S, INTEGRAL_PER_S = 28.0, 8.0, 1.5
 """Of the hummingbird's rate loops: how fast an error of a rate decays; how fast the integral takes its place."""

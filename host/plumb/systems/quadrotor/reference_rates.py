@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from plumb.spec.arrays import FloatArray
-from plumb.systems.quadrotor.tuning import Mixer, QuadrotorTuning, RateGains, Rates
+from plumb.systems.quadrotor.settings import Mixer, RateGains, Rates
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
 
 ROLLS_OVER = 1.0 / 64.0
 """One plus the cosine of 170 deg: nearer to upside down the error has no axis, and the body rolls."""

@@ -1,0 +1,101 @@
+"""Quantise the settings that a system declares (`plumb.spec.settings`), and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from fractions import Fraction
+from functools import cache
+from operator import attrgetter
+from typing import TypeVar, get_type_hints
+
+from plumb.contract.parameters import ControlParams
+from plumb.spec import declarations, parameters
+from plumb.spec.parameters import Parameter
+from plumb.spec.settings import CHOICE, CONSTANTS, FILTER, SINE, STEPS, Names, Setting, bits, from_number, to_number
+from plumb.spec.tuning import AnyTuning
+from plumb.tuning.groups import check_numbers, refuse, whole
+
+Group = TypeVar("Group")
+NOTHING: Mapping[str, float] = {}
+
+
+@cache
+def _rows(system: str) -> tuple[tuple[Parameter, Setting], ...]:
+    """The system's own parameters that have a setting."""
+    own = {row["name"] for row in declarations.system(system).parameters}
+    return tuple((row, row.setting) for row in parameters.table() if row.setting and row.name in own)
+
+
+def setting_words(tuning: AnyTuning, names: Names = NOTHING) -> dict[str, int]:
+    """The words of the parameters with a setting. names: constants of formulas besides those that all have.
+
+    Raises UsageError with the setting, its value and the limit.
+    """
+    check_numbers(tuning)
+    known = {**CONSTANTS, "dt": Fraction(int(tuning.period_us), 10**6), **names}
+    return {
+        row.name: setting_word(row, setting, attrgetter(setting.name)(tuning), known)
+        for row, setting in _rows(tuning.system)
+    }
+
+
+def setting_word(row: Parameter, setting: Setting, asked: float, names: Names) -> int:
+    """The integer of one setting, within the range of its parameter."""
+    name, conversion, scale = setting.name, setting.conversion, 1 << bits(row.format)
+    if conversion == CHOICE:
+        if asked not in range(row.min, row.max + 1):
+            choices = " or ".join(map(str, range(row.min, row.max + 1)))
+            refuse(name, asked, choices, row.min, row.max)
+        return int(asked)
+    if asked < 0 <= row.min:
+        refuse(name, asked, "it cannot be negative", 0.0)
+    exact = to_number(conversion, asked, names) * scale
+    if conversion in (STEPS, SINE, FILTER):
+        return _bent(row, setting, asked, exact, names)
+    return whole(name, asked, exact, row.min, row.max)
+
+
+def _bent(row: Parameter, setting: Setting, asked: float, exact: Fraction, names: Names) -> int:
+    """The integer of a setting that is not proportional to it: its limits are those of the integers, converted. A share
+    of less than 500 would be more than 0.1 % off."""
+    low = max(row.min, 500) if setting.conversion == FILTER else row.min
+    at_low, at_high = (from_number(setting.conversion, _number(row, word), names) for word in (low, row.max))
+    if setting.conversion == STEPS:
+        if not row.min <= exact <= row.max:
+            refuse(setting.name, asked, f"{row.min} to {row.max} steps", at_low, at_high)
+        return int(exact)
+    least, most = sorted((at_low, at_high))
+    if not least <= asked <= most:
+        refuse(setting.name, asked, f"{least:.4g} to {most:.4g} {setting.unit}", least, most)
+    return min(max(round(exact), row.min), row.max)
+
+
+def _number(row: Parameter, word: int) -> float:
+    """The number that a word stands for. The largest of Q31 in a word with a sign stands for 1."""
+    scale = 1 << bits(row.format)
+    return 1.0 if row.format == "Q31" and word == scale - 1 else word / scale
+
+
+def settings_of(
+    kind: type[Group], params: ControlParams, path: str, names: Names = NOTHING, own: Mapping[str, float] = NOTHING
+) -> Group:
+    """A group of settings that the words represent, with the groups in it. path: its name in the tuning; own: values of
+    the settings without a conversion, by their whole names."""
+    known = {**CONSTANTS, "dt": params.period_s, **names}
+    rows = {setting.name: (row, setting) for row, setting in _rows(params.system)}
+    values: dict[str, object] = {}
+    hints = get_type_hints(kind)
+    assert is_dataclass(kind)
+    for entry in fields(kind):
+        name, inner = f"{path}.{entry.name}", hints[entry.name]
+        if is_dataclass(inner) and isinstance(inner, type):
+            values[entry.name] = settings_of(inner, params, name, names, own)
+        elif name in own:
+            values[entry.name] = own[name]
+        else:
+            row, setting = rows[name]
+            word = params[row.name]
+            value = from_number(setting.conversion, _number(row, word), known)
+            values[entry.name] = word if setting.conversion == CHOICE else value
+    return kind(**values)

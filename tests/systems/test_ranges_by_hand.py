@@ -1,0 +1,69 @@
+"""Ranges of parameters that a declaration generates, against this list, which is written by hand from the arithmetic
+pages: the last good value and the first bad one, in C and in the integer model."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import pytest
+
+from plumb.boards import native_core
+from plumb.contract.parameters import ControlParams
+from plumb.spec import declarations, parameters
+from plumb.systems.quadrotor import fixed as quadrotor
+
+STEPS = 65535
+GAIN, WORD = 1 << 30, (1 << 31) - 1
+RANGES = {
+    "quadrotor": {
+        "quadrotor.tilt_max_q30": (0, 644245094),  # the sine of 36.87 deg, 0.6
+        "quadrotor.tilt_gain_q28": (0, WORD),
+        "quadrotor.tilt_rate_max_q28": (0, 5 << 28),
+        "quadrotor.stick_rate_q28": (0, 5 << 28),
+        "quadrotor.yaw_rate_max_q28": (0, 11 << 26),
+        "quadrotor.d_alpha_q31": (0, WORD),
+        "quadrotor.integral_max_q30": (0, 1 << 30),
+        "quadrotor.yaw_max_q24": (0, 1 << 24),
+        "quadrotor.idle_q24": (0, 1 << 22),
+        "quadrotor.airmode": (0, 1),
+        "quadrotor.low_q15": (0, 1 << 13),
+        "quadrotor.lost_steps": (1, STEPS),
+        "quadrotor.held_steps": (0, STEPS - 1),
+        "quadrotor.back_steps": (1, STEPS),
+        "quadrotor.lost_action": (0, 1),
+        "quadrotor.land_gs_q28": (0, 1 << 27),
+        "quadrotor.land_steps": (1, STEPS - 1),
+        "quadrotor.blind_steps": (1, STEPS),
+        "quadrotor.idle_limit": (1, STEPS),
+        "quadrotor.lying_limit": (1, STEPS),
+        "quadrotor.runaway_limit": (1, STEPS),
+        "quadrotor.upturned_limit": (1, STEPS),
+        "quadrotor.unsure_rate_q28": (0, 5 << 28),
+        **{
+            f"rate_{axis}.{name}": (0, WORD if name == "ki_dt_q35" else GAIN)
+            for axis, name in product(("roll", "pitch", "yaw"), ("kp_q29", "ki_dt_q35", "kd_q28", "ff_q29"))
+        },
+    },
+}
+MODELS = {"quadrotor": quadrotor.control_valid}
+CASES = [(system, name) for system, ranges in RANGES.items() for name in ranges]
+
+
+@pytest.mark.parametrize("system", RANGES)
+def test_every_parameter_of_the_system_is_in_the_list(system: str) -> None:
+    declared = {row["name"]: (row["min"], row["max"]) for row in declarations.system(system).parameters}
+    assert declared == RANGES[system]
+
+
+@pytest.mark.parametrize(("system", "name"), CASES)
+def test_last_good_and_first_bad(system: str, name: str) -> None:
+    row = next(row for row in parameters.table() if row.name == name)
+    least, most = (-(1 << 31), WORD) if row.type == "int32" else (0, (1 << 32) - 1)
+    factory = {row.name: row.default for row in parameters.table() if row.owner == "control"}
+    factory["system"] = declarations.system(system).number
+    low, high = RANGES[system][name]
+    for value in (low - 1, low, high, high + 1, least, most):
+        if least <= value <= most:
+            words, good = {**factory, name: value}, low <= value <= high
+            assert native_core.params_valid(ControlParams(words)) is good, (name, value)
+            assert MODELS[system](words) is good, (name, value)

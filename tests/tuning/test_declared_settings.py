@@ -1,0 +1,117 @@
+"""Settings that a declaration converts: the integers at their limits, and one sentence for each that cannot be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from plumb.contract.parameters import dequantise, quantise
+from plumb.errors import SettingError, UsageError
+from plumb.spec import declarations
+from plumb.spec.settings import Setting, read, read_group
+from plumb.systems.quadrotor.scenarios import TUNINGS
+from plumb.systems.quadrotor.tuning import QuadrotorTuning
+from plumb.tuning.quantities import with_value
+
+SHIPPED = TUNINGS["hummingbird"]
+DECLARED = [row["name"] for row in declarations.system("quadrotor").parameters]
+DT = SHIPPED.period_us * 1e-6
+
+
+def changed(name: str, value: float) -> QuadrotorTuning:
+    tuning: QuadrotorTuning = with_value(SHIPPED, name, value)
+    return tuning
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word", "integer"),
+    [
+        ("level.lean_max_deg", 30.0, "quadrotor.tilt_max_q30", 1 << 29),
+        ("level.lean_max_deg", math.degrees(math.asin(644245094 / 2**30)), "quadrotor.tilt_max_q30", 644245094),
+        ("level.gain_per_s", 2 * math.pi, "quadrotor.tilt_gain_q28", 1 << 28),
+        ("rates.yaw_max_dps", 180.0, "quadrotor.yaw_rate_max_q28", 1 << 27),
+        ("rates.roll.kp_per_dps", 1 / 360, "rate_roll.kp_q29", 1 << 29),
+        ("rates.roll.ki_per_deg", 1 / 360, "rate_roll.ki_dt_q35", round(2**35 * DT)),
+        ("rates.d_tau_s", 0.0, "quadrotor.d_alpha_q31", (1 << 31) - 1),
+        ("rates.d_tau_s", DT / math.log(2.0), "quadrotor.d_alpha_q31", 1 << 30),
+        ("receiver.land_mps", 9.80665 / 4, "quadrotor.land_gs_q28", 1 << 26),
+        ("receiver.lost_s", 65535 * DT, "quadrotor.lost_steps", 65535),
+        ("receiver.lands", 1, "quadrotor.lost_action", 1),
+    ],
+)
+def test_a_setting_is_its_integer_and_comes_back(name: str, value: float, word: str, integer: int) -> None:
+    params = quantise(changed(name, value))
+    assert params[word] == integer
+    again = quantise(dequantise(params))  # at the period as its integer has it, for the settings that it scales
+    assert {name: again[name] for name in DECLARED} == {
+        name: pytest.approx(params[name], rel=1e-7, abs=1) for name in DECLARED
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said", "most"),
+    [
+        ("level.lean_max_deg", 37.0, "0 to 36.87 deg", 36.87),
+        ("level.lean_max_deg", -1.0, "it cannot be negative", math.inf),
+        ("rates.yaw_max_dps", 1000.0, "too large for its integer, the most is 990", 990.0),
+        ("rates.d_tau_s", -0.001, "it cannot be negative", math.inf),
+        ("rates.d_tau_s", 1e5, "0 to 1.074e+04 s", 10737.4),
+        ("receiver.lost_s", 0.0, "1 to 65535 steps", 65535 * DT),
+        ("receiver.land_s", 65535 * DT, "1 to 65534 steps", 65534 * DT),
+        ("mixer.airmode", 2, "0 or 1", 1.0),
+        ("mixer.idle", 1e-9, "too fine for its integer", 0.25),
+        ("stops.idle_s", math.inf, "give a finite number", math.inf),
+    ],
+)
+def test_a_setting_that_cannot_be_is_refused(name: str, value: float, said: str, most: float) -> None:
+    with pytest.raises(SettingError, match=name) as caught:
+        quantise(changed(name, value))
+    assert said in str(caught.value)
+    assert caught.value.most == pytest.approx(most, rel=1e-4)
+
+
+def test_the_gain_of_the_derivative_follows_its_filter() -> None:
+    """Twice the share of a new rate is twice the gain on the change of a step."""
+    slow, fast = (
+        quantise(replace(SHIPPED, rates=replace(SHIPPED.rates, d_tau_s=-DT / math.log1p(-share))))
+        for share in (0.25, 0.5)
+    )
+    assert fast["rate_roll.kd_q28"] == pytest.approx(2 * slow["rate_roll.kd_q28"], abs=2)
+
+
+GIVEN = {"name": "level.lean_deg", "unit": "deg", "conversion": "/ turn", "doc": "lean"}
+
+
+def test_a_declared_setting() -> None:
+    assert read(GIVEN) == Setting("level.lean_deg", "deg", "lean", "/ turn")
+    assert read({**GIVEN, "conversion": "* turn * dt"}).type == "float"
+    assert read({**GIVEN, "conversion": "choice", "default": 1}).type == "int"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"name": "lean"}, "its name is that of its group"),
+        ({"name": 3}, "its name is that of its group"),
+        ({"unit": ""}, "unit is a line of text"),
+        ({"doc": 'a "lean"'}, "doc is a line of text without quotes"),
+        ({"conversion": "turn"}, "conversion is a formula such as"),
+        ({"conversion": "* turn *"}, "conversion is a formula such as"),
+        ({"default": "35"}, "default is a number"),
+        ({"default": True}, "default is a number"),
+        ({"most": 3}, "most is unknown"),
+    ],
+)
+def test_a_setting_that_is_declared_wrongly(change: dict[str, Any], said: str) -> None:  # Any: values as TOML has them
+    with pytest.raises(UsageError, match="setting") as caught:
+        read({**GIVEN, **change})
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("given", ["Level", {"type": "Level"}, {"type": "level", "doc": "d"}, {"type": 3, "doc": "d"}])
+def test_a_group_that_is_declared_wrongly(given: object) -> None:
+    with pytest.raises(UsageError, match="settings: "):
+        read_group("level", given)
