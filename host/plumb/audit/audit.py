@@ -42,6 +42,11 @@ class Audit:
         return any(one.sure_fault for one in self.findings)
 
     @property
+    def enough(self) -> bool:
+        """Whether there are enough samples to tell anything."""
+        return len(self.mended) >= LEAST_SAMPLES
+
+    @property
     def sure_mends(self) -> list[str]:
         """What `--as-found` applies, in order."""
         return [one.mend for one in self.findings if one.sure_fault and one.mend]
@@ -69,7 +74,7 @@ def audit(samples: Samples) -> Audit:
     work = _Working(samples)
     work.findings.append(_columns(samples))
     if len(samples) < LEAST_SAMPLES:
-        work.add(note("rate", f"{len(samples)} samples: too few to audit", "unknown"))
+        work.add(note("rate", f"{len(samples)} samples: too few to audit, {LEAST_SAMPLES} are needed", "unknown"))
         return Audit(work.findings, samples, samples)
     work.add(*clock_findings(samples))
     if len(work.samples) < LEAST_SAMPLES or not work.samples.step_s > 0.0:
@@ -157,6 +162,8 @@ def _accel_units(samples: Samples) -> Finding:
     if (known is not None and known.value == 1.0) or 0.5 < length < 2.0:
         return note("accelerometer-units", f"length {where} {length:.4g} g", numbers=numbers)
     text = f"length {where} {length:.4g} g as read"
+    if not length > 0.0:
+        return fault("accelerometer-units", "sure", f"{text}: the accelerometer reads nothing", numbers=numbers)
     if known is None:
         return fault(
             "accelerometer-units", "likely", f"{text}: in what unit is it?", f"acc*{1.0 / length:.6g}", numbers=numbers

@@ -8,6 +8,7 @@ from pathlib import Path
 from plumb.audit import mends
 from plumb.audit.audit import Audit, audit
 from plumb.audit.samples import of_columns
+from plumb.errors import UsageError
 from plumb.readers import recording, recording_files
 from plumb.readers.imu_files.given import Given
 from plumb.readers.recording import Recording
@@ -18,7 +19,10 @@ def audited(path: Path, first: Sequence[str] = (), given: Given = NOTHING, taken
     """Of the file with the mends `first`; given, taken: as `recording_files.read` has them. Raises UsageError for a
     file that cannot be read, and for a wrong mend."""
     samples = of_columns(path.name, recording_files.read(path, taken, given))
-    return audit(mends.mended(samples, first))
+    try:
+        return audit(mends.mended(samples, first))
+    except UsageError as error:
+        raise UsageError(f"{path.name}: {error}") from None
 
 
 def recording_of(path: Path, found: Audit, as_found: bool) -> Recording:

@@ -7,6 +7,7 @@ import numpy as np
 from plumb.audit import mends
 from plumb.audit.findings import Finding, fault, note
 from plumb.audit.samples import Samples
+from plumb.errors import UsageError
 
 UNITS = ((0.4, 1e-3, "milliseconds"), (80.0, 1e-6, "microseconds"), (9e4, 1e-9, "nanoseconds"))
 """Least step as read, factor, name: no logger of motion is slower than 2.5 Hz, nor as fast as 12.5 kHz."""
@@ -19,7 +20,8 @@ BACK_S = 1.0
 
 
 def clock_findings(samples: Samples) -> list[Finding]:
-    """Faults in the order in which they are mended; then the rate."""
+    """Faults in the order in which they are mended; then the rate. Raises UsageError for samples of which nothing can
+    be told."""
     found: list[Finding] = []
 
     def add(one: Finding) -> None:
@@ -29,6 +31,8 @@ def clock_findings(samples: Samples) -> list[Finding]:
             samples = mends.mended(samples, [one.mend])
 
     missing = int(np.sum(~mends.finite(samples)))
+    if missing > len(samples) - 2:
+        raise UsageError(f"only {len(samples) - missing} of {len(samples)} rows have no value that is missing")
     if missing:
         text = f"{missing} of {len(samples)} rows have a value that is missing or no number"
         add(fault("missing", "sure", text, "rows:finite", rows=missing))
@@ -36,6 +40,8 @@ def clock_findings(samples: Samples) -> list[Finding]:
         if one:
             add(one)
     same = int(np.sum(mends.repeats(samples)))
+    if same > len(samples) - 2:
+        raise UsageError(f"all of {len(samples)} rows are the same, stamp and samples: no time passes in it")
     if same:
         text = f"{same} of {len(samples)} rows are the same as the one before, stamp and samples"
         add(fault("repeated-rows", "sure", text, "rows:new", rows=same))

@@ -94,4 +94,6 @@ def verdict(found: Audit) -> str:
         mends = "; --as-found undoes " + " ".join(found.sure_mends) if found.sure_mends else ""
         return f"{sure} surely wrong{mends}"
     likely = len(found.faults)
-    return f"nothing is surely wrong, {likely} likely" if likely else "nothing is wrong"
+    if likely:
+        return f"nothing is surely wrong, {likely} likely"
+    return "nothing is wrong" if found.enough else "nothing can be told: too few samples"

@@ -7,8 +7,9 @@ Files
     .csv  one header line; time_s, gyr_{x,y,z}_radps (or _dps), acc_{x,y,z}_mps2 (or _g), optionally ref_{w,x,y,z}
           (empty or nan if missing) and movement (0 or 1); further columns are ignored
     A table may also have the header of x-io, phyphox, AndroSensor or EuRoC, or one that names a time, a gyro
-    and an accelerometer with their units; comma, semicolon or tab, decimal commas, UTF-8 or UTF-16. Its suffix is free.
-    PX4, blackbox_decode and Xsens MT are known by their columns.
+    and an accelerometer with their units, there or in the row below; comma, semicolon, tab or spaces, decimal commas,
+    any encoding, gzip. Stamps may be dates or times of day. A magnetometer is read in its own unit. The suffix is free.
+    PX4, blackbox_decode, Xsens MT and DOT, and ROS are known by their columns.
 
 One axis. With u the vertical in sensor coordinates (the reading of an accelerometer at rest, in g), the tilt about an
 axis is the angle of u in the plane perpendicular to it, and increases with a positive rotation about it:
@@ -138,7 +139,9 @@ def checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
     if n < 2 or time_s[-1] - time_s[0] < SHORTEST_S:
         raise UsageError(f"{path.name} is too short: {n} samples; {SHORTEST_S:g} s are needed")
     if np.max(steps_s) > LONGEST_GAP_S:
-        raise UsageError(f"{path.name} has a gap of {np.max(steps_s):.1f} s at sample {int(np.argmax(steps_s)) + 1}")
+        gap_s = float(np.max(steps_s))
+        gap = f"{gap_s:.1f}" if gap_s < 1e6 else f"{gap_s:.3g}"
+        raise UsageError(f"{path.name} has a gap of {gap} s at sample {int(np.argmax(steps_s)) + 1}")
     if np.max(np.abs(gyr)) > RATE_LIMIT_DPS or np.max(np.abs(acc)) > ACCEL_LIMIT_G:
         limits = f"{RATE_LIMIT_DPS:g} deg/s or {ACCEL_LIMIT_G:g} g"
         raise UsageError(f"{path.name} exceeds {limits}; are its units those of the format?")

@@ -12,28 +12,33 @@ from plumb.readers.imu_files.header_words import UNITS, Meaning, stated_unit, wi
 BLACKBOX_COUNTS_PER_G = 2048
 """Counts of accSmooth where acc_1G is not named: of most boards of Betaflight, at +-16 g."""
 _ACC_1G = re.compile(r"acc_1G\"?\s*[,:=]\s*\"?([0-9]+)")
-_XSENS_RATE = re.compile(r"(?:sample|update) ?rate:?\s*([0-9.]+)\s*hz", re.IGNORECASE)
+_XSENS_RATE = re.compile(r"(?:sample|update|output) ?rate:?[\s,]*([0-9]+\.?[0-9]*)\s*hz", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Convention:
     """columns: by quantity (`ref`: w, x, y, z, which may lack), in lower case without a unit; units: those of columns
-    that state none; note: for people."""
+    that state none; note: for people; wrap: the count of the time that begins again at 0, 0 for none."""
 
     name: str
     columns: dict[str, list[str]]
     units: dict[str, str]
     note: str = ""
+    wrap: float = 0.0
 
 
-def _xsens(time: str, unit: str) -> Convention:
+def _xsens(time: str, unit: str, wrap: float, *, dot: bool) -> Convention:
+    """dot: of the small sensors of that name, whose files have deg/s and stamps in us."""
     columns = {
         "time": [time],
         "gyr": [f"gyr_{c}" for c in "xyz"],
         "acc": [f"acc_{c}" for c in "xyz"],
-        "ref": [f"quat_q{i}" for i in range(4)],
+        "ref": [f"quat_{c}" for c in "wxyz"] if dot else [f"quat_q{i}" for i in range(4)],
     }
-    return Convention(f"Xsens MT ({time})", columns, {"gyr": "rad/s", "acc": "m/s2", "time": unit})
+    name = "Xsens DOT" if dot else "Xsens MT"
+    return Convention(
+        f"{name} ({time})", columns, {"gyr": "deg/s" if dot else "rad/s", "acc": "m/s2", "time": unit}, wrap=wrap
+    )
 
 
 def _conventions(before: Sequence[str]) -> list[Convention]:
@@ -41,6 +46,7 @@ def _conventions(before: Sequence[str]) -> list[Convention]:
     text = "\n".join(before)
     named, rate = _ACC_1G.search(text), _XSENS_RATE.search(text)
     named = named if named and int(named[1]) else None
+    dot = "devicetag" in text.lower()
     counts = int(named[1]) if named else BLACKBOX_COUNTS_PER_G
     of_acc = f"acc_1G {counts} counts/g, as named" if named else f"acc_1G is not named: {counts} counts/g are assumed"
     return [
@@ -64,19 +70,33 @@ def _conventions(before: Sequence[str]) -> list[Convention]:
             {"time": "us", "gyr": "deg/s", "acc": f"1/{counts} g"},
             of_acc,
         ),
-        _xsens("sampletimefine", "1/10000 s"),
-        _xsens("packetcounter", f"1/{rate[1]} s" if rate and float(rate[1]) else ""),
+        _ros(),
+        _xsens("sampletimefine", "us" if dot else "1/10000 s", 2.0**32, dot=dot),
+        _xsens("packetcounter", f"1/{rate[1]} s" if rate and float(rate[1]) else "", 65536.0, dot=dot),
     ]
+
+
+def _ros() -> Convention:
+    """sensor_msgs/Imu as `rostopic echo -p` prints it. Its linear acceleration has gravity."""
+    columns = {
+        "time": ["field.header.stamp"],
+        "gyr": [f"field.angular_velocity.{c}" for c in "xyz"],
+        "acc": [f"field.linear_acceleration.{c}" for c in "xyz"],
+        "ref": [f"field.orientation.{c}" for c in "wxyz"],
+    }
+    return Convention("ROS sensor_msgs/Imu", columns, {"time": "ns", "gyr": "rad/s", "acc": "m/s2"})
 
 
 @dataclass(frozen=True)
 class Conventional:
-    """The meanings of columns by their places; ref: those of the reference w, x, y, z, or none."""
+    """The meanings of columns by their places; ref: those of the reference w, x, y, z, or none; wraps: by the
+    place of a column, the count at which it begins again at 0."""
 
     name: str
     meanings: dict[int, Meaning]
     ref: list[int]
     note: str
+    wraps: dict[int, float]
 
 
 def conventional(header: Sequence[str], before: Sequence[str]) -> Conventional | None:
@@ -98,5 +118,6 @@ def conventional(header: Sequence[str], before: Sequence[str]) -> Conventional |
         reference = one.columns.get("ref", [])
         found = [names.index(name) for name in reference] if all(name in names for name in reference) else []
         note = "" if any(stated_unit(header[at]) for at, m in meanings.items() if m.quantity == "acc") else one.note
-        return Conventional(one.name, meanings, found, note)
+        wraps = {at: one.wrap for at, said in meanings.items() if said.quantity == "time" and one.wrap}
+        return Conventional(one.name, meanings, found, note, wraps)
     return None

@@ -14,6 +14,8 @@ COUNTS = {"time": 1, "gyr": 3, "acc": 3}
 """By quantity: its columns."""
 SHOWN = {"time": ("s", "ms", "us", "ns"), "gyr": ("rad/s", "deg/s", "mdps"), "acc": ("m/s2", "g", "mg")}
 """By quantity: the units that a sentence names."""
+PARTS = {"time": "1/100 s", "gyr": "1/131 deg/s", "acc": "1/16384 g"}
+"""By quantity: how a count of it is said."""
 COLUMNS_EXAMPLE = '--columns "time=t,gyr=wx wy wz,acc=ax ay az"'
 _SCALED = re.compile(r"(?:([0-9.]+)(?:/([0-9.]+))? +)?(\S.*)")
 
