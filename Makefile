@@ -2,7 +2,7 @@
 # `make help` lists the targets, from the `##` behind each.
 .PHONY: help demo setup test confirm-campaigns random-campaigns test-changed test-fast test-long test-times pytest \
     release-trial image flash-images images libraries native c-tests sanitize fuzz size check-style lint-workflows format \
-    generate docs film wheel summary clean
+    generate docs film wheel dist-arduino summary clean
 .DEFAULT_GOAL := help
 
 VENV := .venv/bin
@@ -134,6 +134,10 @@ wheel: ## sdist and wheel in dist/, the flash images inside
 	@$(VENV)/python tools/package_images.py --release dist/firmware
 	@$(VENV)/python -m build --outdir dist >build/wheel.log 2>&1 || { cat build/wheel.log; exit 1; }
 	@ls -l dist/*.whl dist/*.tar.gz
+
+dist-arduino: ## the C library for the Arduino IDE, in dist/arduino
+	@tools/setup.sh demo
+	@$(VENV)/python tools/arduino_library.py dist/arduino
 
 release-trial: ## the wheel from a fresh clone, installed and used
 	@tools/release_trial.sh

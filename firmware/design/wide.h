@@ -1,8 +1,9 @@
 /* Numbers of 106 bits as the sum of two doubles: sums, products and quotients within 2^-102 of themselves.
  *
  * Dekker, "A floating-point technique for extending the available precision" (1971), and Knuth's exact sum.
- * It needs IEEE doubles rounded to nearest, nothing contracted (-ffp-contract=off) and no excess precision;
- * magnitudes stay between 2^-900 and 2^900, or are 0.
+ * It needs IEEE doubles rounded to nearest, nothing contracted and no excess precision; magnitudes stay
+ * between 2^-900 and 2^900, or are 0. Builds that know no flags, such as the Arduino IDE's, get it from the
+ * pragmas; other compilers need -ffp-contract=off or the like.
  */
 #ifndef PLUMB_DESIGN_WIDE_H
 #define PLUMB_DESIGN_WIDE_H
@@ -15,6 +16,12 @@
 #endif
 #if FLT_EVAL_METHOD != 0
 #error "plumb's design needs doubles without excess precision: on 32-bit x86 give -msse2 -mfpmath=sse"
+#endif
+
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__)
+#pragma GCC optimize("fp-contract=off")
 #endif
 
 typedef struct {
