@@ -17,13 +17,15 @@ from plumb.proof import figures
 from plumb.proof.figures import Figure, Sense
 from plumb.systems.quad import scenarios as quad
 from support.campaigns import campaign
+from support.once_per_run import once_per_run, run_folder
 
 Rows = dict[tuple[str, str, str], Figure]
 
 
 @pytest.fixture(scope="module")
-def estimator() -> Rows:
-    return keyed(quad_figures.estimator_rows(figures.SEEDS[: campaign(10, 40)]))
+def estimator(tmp_path_factory: pytest.TempPathFactory) -> Rows:
+    rows = lambda: keyed(quad_figures.estimator_rows(figures.SEEDS[: campaign(10, 40)]))  # noqa: E731
+    return once_per_run(run_folder(tmp_path_factory), "quad, estimator", rows)
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +34,10 @@ def convergence() -> Rows:
 
 
 @pytest.fixture(scope="module")
-def hold() -> dict[str, Figure]:
+def hold(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Figure]:
     """By claim."""
-    return {row.claim: row for row in quad_figures.hold_rows(figures.SEEDS[: campaign(3, 40)])}
+    rows = lambda: {row.claim: row for row in quad_figures.hold_rows(figures.SEEDS[: campaign(3, 40)])}  # noqa: E731
+    return once_per_run(run_folder(tmp_path_factory), "quad, hold", rows)
 
 
 def keyed(rows: object) -> Rows:
