@@ -3,19 +3,14 @@
 #include "core/calibration.h"
 #include "core/fixed.h"
 #include "core/rate_loop.h"
+#include "generated/ranges.h"
 #include "systems/wheels_doubt.h"
 #include <string.h>
 
-#define STEPS_MOST    65535U
-#define CLOSED_TAKES  4U          /* open steps that a closed step of the rider's switch outweighs */
-#define TURN_MOST     (4L << 28)  /* turn/s Q28: what the wheels may show, and what is asked for at most */
-#define BIAS_MOST     (1L << 27)  /* turn/s Q28: with a calibrated rate of 7 within what the loop takes */
-#define ALPHA_MOST    (1L << 30)  /* Q31: half a disagreement in a step */
-#define INTEGRAL_MOST (1L << 30)  /* Q30: the full duty */
-#define COUNTS_MOST   (1UL << 30) /* count per turn/s Q36 */
-#define SLIP_MOST     (1L << 29)  /* m/s Q26: 8, with 15 of the wheels within 32 bits */
-#define FELT_MOST     (1L << 30)  /* m/s per turn Q26 */
-#define UP_NEVER      (1UL << 31) /* turn Q32: half a turn, no tilt is more */
+#define STEPS_MOST   65535U
+#define CLOSED_TAKES 4U         /* open steps that a closed step of the rider's switch outweighs */
+#define TURN_MOST    (4L << 28) /* turn/s Q28: what the wheels may show, and what is asked for at most */
+#define BIAS_MOST    (1L << 27) /* turn/s Q28: with a calibrated rate of 7 within what the loop takes */
 
 /* Inputs: channels, then commands. */
 enum { GYRO, ACCEL_X, ACCEL_Z, GYRO_UP, LEFT, RIGHT, RIDER, ROLL = 9, PITCH, YAW, SWITCHES, RECEIVER };
@@ -209,26 +204,10 @@ SELDOM_CALLED void plumb_wheels_retune(plumb_wheels_t *c, const plumb_params_t *
     plumb_balancer_retune(&c->balancer, from, to);
 }
 
-/* 0..most */
-static bool is_up_to(int32_t value, int32_t most) {
-    return value >= 0 && value <= most;
-}
-
 SELDOM_CALLED bool plumb_wheels_params_valid(const plumb_params_t *p) {
     const plumb_wheels_params_t *const q = &p->wheels;
-    return plumb_balancer_params_valid(p) && plumb_rate_loop_valid(&p->turn) &&
-           (uint32_t)q->counts_max - 1U < INT16_MAX &&
-           (uint64_t)abs_u32(q->count_turnps_q28) * (uint32_t)q->counts_max <= TURN_MOST &&
-           is_up_to(q->bias_alpha_q31, ALPHA_MOST) && is_up_to(q->doubt_turnps_q28, 2 * BIAS_MOST) &&
-           is_up_to(q->slip_turnps_q28, TURN_MOST) && q->slip_hold <= STEPS_MOST &&
-           is_up_to(q->turn_max_turnps_q28, TURN_MOST) && is_up_to(q->integral_max_q30, INTEGRAL_MOST) &&
-           is_up_to(q->turn_duty_max_q15, INT16_MAX) && is_up_to(q->slip_mps_q26, SLIP_MOST) &&
-           abs_u32(q->turn_counts_q36) <= COUNTS_MOST && is_up_to(q->felt_mps_q26, FELT_MOST) &&
-           is_up_to(q->apart_alpha_q31, ALPHA_MOST) && is_up_to(q->apart_max_mps_q26, FELT_MOST) &&
-           q->dead_steps - 2U < STEPS_MOST - 1U && q->rocked_turnps_q28 < ROCKED_MOST &&
-           q->full_steps - 1U < STEPS_MOST && q->still_steps - 1U < STEPS_MOST &&
-           q->lost_steps - 1U < STEPS_MOST && q->absent_steps - 1U < STEPS_MOST &&
-           q->stopping_steps < STEPS_MOST && q->up_turn_q32 <= UP_NEVER;
+    return plumb_balancer_params_valid(p) && plumb_rate_loop_valid(&p->turn) && wheels_in_range(q) &&
+           (uint64_t)abs_u32(q->count_turnps_q28) * (uint32_t)q->counts_max <= TURN_MOST;
 }
 
 /* As balancer; a rider who steps on shakes it. */

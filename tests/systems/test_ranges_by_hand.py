@@ -11,6 +11,7 @@ from plumb.boards import native_core
 from plumb.contract.parameters import ControlParams
 from plumb.spec import declarations, parameters
 from plumb.systems.quadrotor import fixed as quadrotor
+from plumb.systems.wheels import fixed as wheels
 
 STEPS = 65535
 GAIN, WORD = 1 << 30, (1 << 31) - 1
@@ -44,8 +45,41 @@ RANGES = {
             for axis, name in product(("roll", "pitch", "yaw"), ("kp_q29", "ki_dt_q35", "kd_q28", "ff_q29"))
         },
     },
+    "wheels": {
+        "wheels.count_turnps_q28": (-(1 << 30), 1 << 30),
+        "wheels.counts_max": (1, 32767),
+        "wheels.bias_alpha_q31": (0, 1 << 30),
+        "wheels.doubt_turnps_q28": (0, 1 << 28),
+        "wheels.slip_turnps_q28": (0, 4 << 28),
+        "wheels.slip_hold": (0, STEPS),
+        "wheels.turn_max_turnps_q28": (0, 4 << 28),
+        "wheels.integral_max_q30": (0, 1 << 30),
+        "wheels.turn_duty_max_q15": (0, 32767),
+        "wheels.lost_steps": (1, STEPS),
+        "wheels.absent_steps": (1, STEPS),
+        "wheels.stopping_steps": (0, STEPS - 1),
+        "wheels.up_turn_q32": (0, 1 << 31),
+        "wheels.turn_counts_q36": (-(1 << 30), 1 << 30),
+        "wheels.slip_mps_q26": (0, 8 << 26),
+        "wheels.felt_mps_q26": (0, 1 << 30),
+        "wheels.apart_alpha_q31": (0, 1 << 30),
+        "wheels.apart_max_mps_q26": (0, 1 << 30),
+        "wheels.dead_steps": (2, STEPS),
+        "wheels.rocked_turnps_q28": (0, (1 << 30) - 1),
+        "wheels.full_steps": (1, STEPS),
+        "wheels.still_steps": (1, STEPS),
+        "turn.kp_q29": (0, GAIN),
+        "turn.ki_dt_q35": (0, WORD),
+        "turn.kd_q28": (0, GAIN),
+        "turn.ff_q29": (0, GAIN),
+    },
 }
-MODELS = {"quadrotor": quadrotor.control_valid}
+MODELS = {"quadrotor": quadrotor.control_valid, "wheels": wheels.control_valid}
+BESIDE = {
+    "wheels.count_turnps_q28": {"wheels.counts_max": 1},
+    "wheels.counts_max": {"wheels.count_turnps_q28": 1 << 15},
+}
+"""Other words with which a range is reached: the wheels may show 4 turn/s."""
 CASES = [(system, name) for system, ranges in RANGES.items() for name in ranges]
 
 
@@ -64,6 +98,20 @@ def test_last_good_and_first_bad(system: str, name: str) -> None:
     low, high = RANGES[system][name]
     for value in (low - 1, low, high, high + 1, least, most):
         if least <= value <= most:
-            words, good = {**factory, name: value}, low <= value <= high
+            words, good = {**factory, **BESIDE.get(name, {}), name: value}, low <= value <= high
             assert native_core.params_valid(ControlParams(words)) is good, (name, value)
             assert MODELS[system](words) is good, (name, value)
+
+
+def test_what_the_wheels_may_show() -> None:
+    words = {row.name: row.default for row in parameters.table() if row.owner == "control"}
+    words["system"] = declarations.system("wheels").number
+    for count, most, good in (
+        (1 << 25, 32, True),
+        (-(1 << 25), 32, True),
+        (1 << 25, 33, False),
+        (-(1 << 25), 33, False),
+    ):
+        shown = {**words, "wheels.count_turnps_q28": count, "wheels.counts_max": most}
+        assert native_core.params_valid(ControlParams(shown)) is good
+        assert wheels.control_valid(shown) is good

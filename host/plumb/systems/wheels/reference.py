@@ -17,7 +17,8 @@ from plumb.kernels.reference.kernels import PidState
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.systems.balancer import reference as balancer
-from plumb.systems.wheels.tuning import Turning, WheelsTuning
+from plumb.systems.wheels.settings import Turning
+from plumb.systems.wheels.tuning import WheelsTuning
 
 NAMES = (
     "tilt_deg", "rate_corrected_dps", "velocity_mps", "lean_deg", "duty", "asked_mps", "asked_dps", "turn_rate_dps",

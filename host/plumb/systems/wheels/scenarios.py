@@ -28,7 +28,8 @@ from plumb.systems.run_length import length_s
 from plumb.systems.wheels import random_rides, rides
 from plumb.systems.wheels.drawn_run import Scenario
 from plumb.systems.wheels.plant import SPEED_MAX_MPS, TURN_MAX_DPS, WheelsPlant, prescribed
-from plumb.systems.wheels.tuning import Turning, WheelsTuning
+from plumb.systems.wheels.settings import Turning
+from plumb.systems.wheels.tuning import WheelsTuning
 from plumb.systems.wheels.vehicle import COUNT_M, GRID_S, TRACK_M
 
 PERIOD_US = 5_000
