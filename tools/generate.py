@@ -20,6 +20,7 @@ sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tools")]
 import gen_chips  # type: ignore[import-not-found]  # noqa: E402
 import gen_messages  # type: ignore[import-not-found]  # noqa: E402
 import gen_params  # type: ignore[import-not-found]  # noqa: E402
+import gen_pin_sets  # type: ignore[import-not-found]  # noqa: E402
 import gen_reference  # type: ignore[import-not-found]  # noqa: E402
 import gen_settings  # type: ignore[import-not-found]  # noqa: E402
 import gen_systems  # type: ignore[import-not-found]  # noqa: E402
@@ -28,7 +29,8 @@ from plumb.errors import UsageError  # noqa: E402
 from plumb.spec import declarations, images, imu_chips, tool_dbc  # noqa: E402
 
 BUILT = {
-    "chips.c", "messages.c", "messages.h", "params.c", "params.h", "record_names.h", "record_places.c", "used_parts.h",
+    "chips.c", "messages.c", "messages.h", "params.c", "params.h", "pin_sets.h", "record_names.h", "record_places.c",
+    "used_parts.h",
 }  # fmt: skip
 """Of firmware/generated: made in each build, and not committed."""
 
@@ -46,6 +48,7 @@ def c_files(built: tuple[str, ...] = (), flash: bool = False) -> dict[str, str]:
     }
     files["chips.c"] = gen_chips.chips_c(ways)
     files["ranges.h"] = gen_settings.ranges_h(declarations.systems().values())
+    files["pin_sets.h"] = gen_pin_sets.pin_sets_h()
     return {name if "/" in name else f"generated/{name}": text for name, text in files.items()}
 
 

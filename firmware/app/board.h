@@ -7,6 +7,7 @@
 #ifndef PLUMB_BOARD_H
 #define PLUMB_BOARD_H
 
+#include "generated/pin_sets.h"
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -44,14 +45,6 @@ typedef struct {
     uint32_t pins;            /* the pin set that the strap chose, BOARD_PINS_ */
     uint32_t seed;            /* for random numbers: differs at every start */
 } board_identity_t;
-
-/* Pin sets. The strap, PB4 and PB5 open or at ground, chooses one. Actuators are only driven when the saved
- * parameter `pins` agrees with it. */
-#define BOARD_PINS_STANDARD  0U /* both open: two speed controllers; USART1 on PA9, PA10 */
-#define BOARD_PINS_BRIDGE    1U /* PB5 at ground: three-phase bridge, Hall sensors; USART1 on PB6, PB7 */
-#define BOARD_PINS_QUADROTOR 2U /* PB4 at ground: four speed controllers; USART1 on PA9, PA10 */
-#define BOARD_PINS_WHEELS    3U /* both at ground: drivers and encoders of two wheels; USART1 on PA9, PA10 */
-#define BOARD_PINS_UNKNOWN   4U /* not steady: drives nothing, no USART1 */
 
 /* Settings that apply once, at start. */
 typedef struct {

@@ -9,21 +9,10 @@ const control_system_t *session_checked(const session_t *s) {
 }
 
 bool session_actuator_present(const session_t *s) {
-    if (!USED_ACTUATORS || (s->status.faults & BOARD_FAULT_STRAP) != 0) {
-        return false;
-    }
-    switch (s->system->output) {
-    case CONTROL_OUTPUT_PULSES:
-        return s->board->pins == BOARD_PINS_STANDARD;
-    case CONTROL_OUTPUT_BRIDGE:
-        return s->board->pins == BOARD_PINS_BRIDGE;
-    case CONTROL_OUTPUT_ROTORS:
-        return s->board->pins == BOARD_PINS_QUADROTOR;
-    case CONTROL_OUTPUT_WHEELS:
-        return s->board->pins == BOARD_PINS_WHEELS;
-    default:
-        return false;
-    }
+    static const uint8_t pins[] = BOARD_PINS_BY_OUTPUT;
+
+    return USED_ACTUATORS && (s->status.faults & BOARD_FAULT_STRAP) == 0 &&
+           s->board->pins == pins[s->system->output];
 }
 
 #if USED_RECEIVER

@@ -33,7 +33,7 @@ PERIOD_US = 2500
 STATE = "QUADROTOR_STATE"
 FRAMES = [*RAW_FRAMES[:4], STATE]
 QUADROTOR = 2
-"""BOARD_PINS_QUADROTOR of firmware/app/board.h."""
+"""BOARD_PINS_QUADROTOR of the firmware."""
 IMAGE = Path(__file__).parents[2] / "build/images/quadrotor/firmware.elf"
 LOST_FLAG, FLIES_FLAG = 1 << 7, 1 << 5
 FLOWN, STOPPED = 0, 3

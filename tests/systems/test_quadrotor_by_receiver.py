@@ -20,7 +20,7 @@ PARAMS = quantise.quantise(scenarios.TUNINGS["hummingbird"])
 ROTORS = [f"QUADROTOR_ROTOR_{rotor}" for rotor in range(4)]
 STATE = "QUADROTOR_STATE"
 QUADROTOR = 2
-"""BOARD_PINS_QUADROTOR of firmware/app/board.h."""
+"""BOARD_PINS_QUADROTOR of the firmware."""
 LAG_STEPS = 60
 """From a stick to the lean: 0.15 s."""
 STOPPED, HELD = 3, 1

@@ -16,10 +16,10 @@ static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
 /* Pulse outputs of the pin set in use. */
 static uint32_t outputs(void) {
     const uint32_t pins = board_identity()->pins;
-    return !port_drives()                ? 0U
-           : pins == BOARD_PINS_STANDARD ? BOARD_ACTUATORS
-           : port_rotors()               ? BOARD_ROTORS
-                                         : 0U;
+    return !port_drives()            ? 0U
+           : board_pins_pulses(pins) ? BOARD_ACTUATORS
+           : port_rotors()           ? BOARD_ROTORS
+                                     : 0U;
 }
 
 static void set_pulses(const uint32_t pulse_halfus[], uint32_t count) {

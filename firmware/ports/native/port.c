@@ -26,19 +26,19 @@ bool port_drives(void) {
 }
 
 bool port_bridge(void) {
-    return port_drives() && port.identity.pins == BOARD_PINS_BRIDGE;
+    return port_drives() && board_pins_bridge(port.identity.pins);
 }
 
 bool port_rotors(void) {
-    return port_drives() && port.identity.pins == BOARD_PINS_QUADROTOR;
+    return port_drives() && board_pins_rotors(port.identity.pins);
 }
 
 bool port_wheels(void) {
-    return port_drives() && port.identity.pins == BOARD_PINS_WHEELS;
+    return port_drives() && board_pins_wheels(port.identity.pins);
 }
 
 bool port_vehicle(void) {
-    return port.identity.pins == BOARD_PINS_QUADROTOR || port.identity.pins == BOARD_PINS_WHEELS;
+    return board_pins_receiver(port.identity.pins);
 }
 
 bool port_stalled(void) {

@@ -87,7 +87,7 @@ size_t board_receiver_edges(uint16_t *stamps_us, size_t room) {
     size_t count = 0U;
     while (pulses_in != pulses_out && pulses_us[pulses_out % LINE_EDGES] * NS_PER_US <= port_now_ns()) {
         const uint64_t at_us = pulses_us[pulses_out++ % LINE_EDGES];
-        if (port.identity.pins == BOARD_PINS_QUADROTOR && edges_in - edges_out < EDGES) {
+        if (board_pins_pulse_train(port.identity.pins) && edges_in - edges_out < EDGES) {
             edges[edges_in++ % EDGES] = (uint16_t)at_us;
         }
     }

@@ -5,7 +5,6 @@
 #include "app/board.h"
 #include "app/board_battery.h"
 #include "clock.h"
-#include "generated/used_parts.h"
 #include "stm32f103.h"
 
 #define CALIBRATION_POLLS 64U /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
@@ -16,7 +15,7 @@ static bool one_input;
 static uint16_t latest[BATTERY_INPUTS];
 
 void battery_adc_init(uint32_t pins) {
-    one_input = USED_WHEELS && pins == BOARD_PINS_WHEELS;
+    one_input = board_pins_wheels(pins);
     RCC_APB2ENR |= RCC_APB2ENR_ADC2EN;
     /* Calibration may begin two ADC cycles after power-up (RM0008 11.4): the 128 processor cycles of these
      * two polls are more. */

@@ -79,14 +79,14 @@ void board_init(const board_setup_t *setup) {
     if (!agreed) {
         start_faults |= BOARD_FAULT_STRAP;
     }
-    if (USED_WHEELS && driven == BOARD_PINS_WHEELS) {
+    if (board_pins_wheels(driven)) {
         ride_init(); /* before pwm_init(), which leaves a timer alone that counts a wheel */
     }
     pwm_init(driven);
-    if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
+    if (board_pins_bridge(driven)) {
         bridge_init(setup->dead_time_ns);
     }
-    if (USED_WHEELS && driven == BOARD_PINS_WHEELS) {
+    if (board_pins_wheels(driven)) {
         motors_init();
     }
     pins_init(identity.pins, agreed); /* last: the outputs become active when the timers are at neutral */
@@ -95,20 +95,19 @@ void board_init(const board_setup_t *setup) {
     check_image();
     uart_init();
     can_init();
-    const bool wheels = USED_WHEELS && identity.pins == BOARD_PINS_WHEELS;
-    if (USED_RECEIVER && (identity.pins == BOARD_PINS_QUADROTOR || wheels)) {
+    if (board_pins_receiver(identity.pins)) {
         receiver_uart_init();
     }
-    if (USED_RECEIVER && identity.pins == BOARD_PINS_QUADROTOR) {
+    if (board_pins_pulse_train(identity.pins)) {
         ppm_capture_init();
     }
-    if (USED_BATTERY && (identity.pins == BOARD_PINS_QUADROTOR || wheels)) {
+    if (board_pins_battery(identity.pins)) {
         battery_adc_init(identity.pins);
     }
-    if (USED_BRIDGE && driven == BOARD_PINS_BRIDGE) {
+    if (board_pins_bridge(driven)) {
         bridge_start();
     }
-    if (USED_WHEELS && driven == BOARD_PINS_WHEELS) {
+    if (board_pins_wheels(driven)) {
         motors_clear_faults(); /* of the break input, which floated before its pull resistor was on */
     }
     if (USED_DIGITAL) {

@@ -49,12 +49,11 @@ void pins_init(uint32_t pins, bool actuators) {
     const bool uart =
         pins != BOARD_PINS_UNKNOWN; /* else its pins may drive the gates of a bridge or a speed controller */
     const uint32_t tx = uart ? SIGNAL : FREE, rx = uart ? INPUT : FREE;
-    const bool wheels = USED_WHEELS && pins == BOARD_PINS_WHEELS;
-    const uint32_t sticks = USED_RECEIVER && (pins == BOARD_PINS_QUADROTOR || wheels) ? INPUT : FREE;
-    const uint32_t gate = USED_BRIDGE && actuators ? SIGNAL : FREE;
-    const uint32_t pair =
-        USED_PULSES && actuators && pins == BOARD_PINS_STANDARD ? PULSE : FREE; /* two speed controllers */
-    const bool rotors = USED_ROTORS && pins == BOARD_PINS_QUADROTOR;
+    const bool wheels = board_pins_wheels(pins);
+    const uint32_t sticks = board_pins_receiver(pins) ? INPUT : FREE;
+    const uint32_t gate = actuators && board_pins_bridge(pins) ? SIGNAL : FREE;
+    const uint32_t pair = actuators && board_pins_pulses(pins) ? PULSE : FREE; /* two speed controllers */
+    const bool rotors = board_pins_rotors(pins);
     const uint32_t inputs_or_rotors = !rotors ? ANALOG : actuators ? PULSE : FREE;
     /* MAPR is written as a whole, because SWJ_CFG reads back undefined. I2C1 is remapped away from PB6 and
      * PB7 even when unused: otherwise a remapped USART1 does not reach these pins. */

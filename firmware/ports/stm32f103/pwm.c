@@ -115,11 +115,11 @@ static void begin(uint32_t timer) {
 
 void pwm_init(uint32_t pins) {
     RCC_APB1ENR |= (USED_PULSES ? RCC_APB1ENR_TIM4EN : 0U) | (USED_ROTORS ? RCC_APB1ENR_TIM2EN : 0U);
-    const bool pair = USED_PULSES && !(USED_WHEELS && pins == BOARD_PINS_WHEELS);
+    const bool pair = USED_PULSES && !board_pins_wheels(pins);
     if (pair) { /* else the pin of channel 1 may belong to the UART */
         set_up(TIM4_BASE, pins == BOARD_PINS_STANDARD ? PAIR : 0U);
     }
-    if (USED_ROTORS && pins == BOARD_PINS_QUADROTOR) {
+    if (board_pins_rotors(pins)) {
         set_up(TIM2_BASE, FOUR);
     }
     board_configure_actuator(START_FRAME_HALFUS, CONSTANT_NEUTRAL_HALFUS);

@@ -20,8 +20,7 @@ static void wait(uint32_t polls) {
 }
 
 uint32_t strap_read(void) {
-    static const uint8_t sets[] = {BOARD_PINS_STANDARD, BOARD_PINS_QUADROTOR, BOARD_PINS_BRIDGE,
-                                   BOARD_PINS_WHEELS};
+    static const uint8_t sets[] = BOARD_PINS_BY_STRAP;
 
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD; /* pins_init() writes it whole */
     GPIOB_BSRR = 1U << 4 | 1U << 5;
