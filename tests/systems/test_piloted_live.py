@@ -25,7 +25,8 @@ def flash_images() -> None:
         pytest.skip(str(missing))
 
 
-SEED = 1000
+SEED = 1013
+"""Of a hundred the one whose pilot acts first, 2.03 s after the take-off: a simulated second takes seconds."""
 
 
 def test_a_vehicle_leans_as_its_pilot_asks_and_its_steps_are_the_model_bit_for_bit() -> None:
