@@ -2,11 +2,7 @@
 #include "core/axis.h"
 #include "core/pid.h"
 #include "core/wheel.h"
-
-#define SPEED_MAX  (8L << 26)  /* m/s: setpoint - velocity fits 32 bits */
-#define LEAN_MAX   (1L << 30)  /* turn Q34 */
-#define DUTY_MAX   32767       /* Q15 */
-#define FALL_NEVER (1UL << 31) /* turn Q32: half a turn, no tilt is more */
+#include "generated/ranges.h"
 
 SELDOM_CALLED void plumb_balancer_init(plumb_balancer_t *c, const plumb_params_t *p) {
     *c = (plumb_balancer_t){0};
@@ -76,17 +72,11 @@ SELDOM_CALLED void plumb_balancer_retune(plumb_balancer_t *c, const plumb_params
     plumb_pid_retune(&c->words.pid, &from->pid, &to->pid);
 }
 
-SELDOM_CALLED static bool drive_valid(const plumb_drive_params_t *p) {
-    return p->speed_max_mps_q26 >= 0 && p->speed_max_mps_q26 <= SPEED_MAX && p->lean_max_turn_q34 >= 0 &&
-           p->lean_max_turn_q34 <= LEAN_MAX && p->span_q15 >= -DUTY_MAX && p->span_q15 <= DUTY_MAX &&
-           p->duty_max_q15 >= 0 && p->duty_max_q15 <= DUTY_MAX && p->fall_turn_q32 <= FALL_NEVER;
-}
-
 SELDOM_CALLED bool plumb_balancer_params_valid(const plumb_params_t *p) {
     return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->accel) &&
            plumb_calibration_valid(&p->accel_up) && plumb_wheel_valid(&p->wheel) &&
            plumb_tilt_valid(&p->tilt) && plumb_kalman_valid(&p->kalman, &p->start) &&
-           plumb_pid_valid(&p->speed) && plumb_pid_valid(&p->pid) && drive_valid(&p->drive);
+           plumb_pid_valid(&p->speed) && plumb_pid_valid(&p->pid) && drive_in_range(&p->drive);
 }
 
 /* A vehicle that is pushed and accelerates by up to 8 m/s^2. Held upright by hand it is not quite at rest. */
