@@ -52,14 +52,20 @@ DEFAULT_LIMITS = Limits()
 
 
 def pieces_of(
-    reader: str, path: Path, advice: str, limits: Limits = DEFAULT_LIMITS, text: str | None = None
+    reader: str,
+    path: Path,
+    advice: str,
+    limits: Limits = DEFAULT_LIMITS,
+    text: str | None = None,
+    size: int | None = None,
 ) -> Generator[bytes, None, None]:
     """The pieces that a reader yields for a file. reader: "package.module:function", a generator of bytes that takes
-    the path, and `text` where it is given. Closing the iterator ends the process.
+    the path, and `text` where it is given. size: bytes, where the path is a folder of files.
+    Closing the iterator ends the process.
 
     Raises UsageError, with the advice, for a file that the reader refuses, on which it fails, or that exceeds a limit.
     """
-    cpu_s, memory, output, written = limits.of(input_files.check_regular(path, advice))
+    cpu_s, memory, output, written = limits.of(input_files.check_regular(path, advice) if size is None else size)
     with tempfile.TemporaryDirectory(prefix="plumb-") as folder:
         command = [sys.executable, "-P", "-m", MODULE, reader, str(path), str(cpu_s), str(memory), str(written)]
         command += [] if text is None else [text]

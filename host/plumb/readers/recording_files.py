@@ -17,7 +17,7 @@ import numpy as np
 from plumb.errors import UsageError
 from plumb.files import input_files
 from plumb.files.bounded_reader import MIB, Limits, pieces_of
-from plumb.readers.imu_files import frames, tables, text_files
+from plumb.readers.imu_files import frames, table_sets, tables, text_files
 from plumb.readers.imu_files.given import Given, of_text
 from plumb.readers.imu_files.header_words import G_MPS2 as G_MPS2
 from plumb.readers.imu_files.tables import MOST_SAMPLES, too_long
@@ -42,9 +42,11 @@ def read(path: Path, taken: list[str] | None = None, given: Given = NOTHING) -> 
     """gyr_dps and acc_g as gyr (N, 3) and acc (N, 3), time_s, and what else the file has; their shapes are unchecked.
     The content decides on the format, not the name. taken: sentences on what was taken are added to it. given:
     what the file does not say of itself. Raises UsageError with one sentence that names the fault."""
-    input_files.check(path, MOST_BYTES, _ADVICE)
+    size = _folder_size(path) if path.is_dir() else None
+    if size is None:
+        input_files.check(path, MOST_BYTES, _ADVICE)
     columns: Columns = {}
-    pieces = pieces_of(_READER, path, _ADVICE, LIMITS, given.text)
+    pieces = pieces_of(_READER, path, _ADVICE, LIMITS, given.text, size)
     for head in pieces:
         name, shape = json.loads(head)
         if name == _TAKEN:
@@ -60,7 +62,12 @@ def pieces(path: Path, given_text: str = NOTHING.text) -> Iterator[bytes]:
     """Name and shape of each column as JSON, then its values as float64. Runs in the process of the reader."""
     taken: list[str] = []
     given = of_text(given_text)
-    if _is_npz(path):
+    if path.is_dir():
+        columns = table_sets.read(path.name, table_sets.of_folder(path), given, taken)
+    elif _is_zip_of_tables(path):
+        with zipfile.ZipFile(path) as archive:
+            columns = table_sets.read(path.name, table_sets.of_zip(archive), given, taken)
+    elif _is_npz(path):
         if given.units or given.columns:
             option = "--units" if given.units else "--columns"
             raise UsageError(f"{option} is for tables: the arrays of {path.name} have their units and names")
@@ -76,6 +83,32 @@ def pieces(path: Path, given_text: str = NOTHING.text) -> Iterator[bytes]:
     for name, values in columns.items():
         yield json.dumps([name, values.shape]).encode()
         yield np.ascontiguousarray(values, np.float64).tobytes()
+
+
+def _folder_size(path: Path) -> int:
+    """Bytes of the files of a folder; raises UsageError for a folder that is no recording."""
+    try:
+        files = [one.stat().st_size for one in path.iterdir() if one.is_file()]
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror}; {_ADVICE}") from None
+    if sum(files) > MOST_BYTES or len(files) > table_sets.MOST_MEMBERS:
+        most = f"{table_sets.MOST_MEMBERS} files or {MOST_BYTES // MIB} MiB"
+        raise UsageError(f"cannot read {path}: it is a folder of more than {most}; {_ADVICE}")
+    if not files:
+        raise UsageError(f"cannot read {path}: it is a folder, no file; {_ADVICE}")
+    return sum(files)
+
+
+def _is_zip_of_tables(path: Path) -> bool:
+    """A zip that holds no array of numpy."""
+    if not zipfile.is_zipfile(path):
+        return False
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+    except (OSError, ValueError, zipfile.BadZipFile, NotImplementedError):
+        return False
+    return bool(names) and not any(name.endswith(".npy") for name in names)
 
 
 def _is_npz(path: Path) -> bool:

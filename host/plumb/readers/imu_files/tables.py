@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 from array import array
 from collections.abc import Iterator, Sequence
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plumb.errors import UsageError
-from plumb.readers.imu_files import text_tables
+from plumb.readers.imu_files import serial_dumps, text_tables
 from plumb.readers.imu_files.given import COLUMNS_EXAMPLE, Given
 from plumb.readers.imu_files.moments import Moments
 from plumb.readers.imu_files.text_tables import MOMENT, SENSORS, Layout
@@ -51,8 +52,37 @@ def read(name: str, lines: Iterator[str], given: Given, taken: list[str], part: 
         raise UsageError(f"{name} is no readable table ({error})") from error
 
 
+def has_header(lines: Iterator[str], given: Given, part: Part) -> bool:
+    """Whether one of the first lines names all that is wanted."""
+    try:
+        first = [text for text, _ in zip(lines, range(text_tables.HEADER_LINES), strict=False)]
+        return any(text_tables.layout_of(text, given, (), part.wanted, part.bare) for text in first)
+    except csv.Error:
+        return False
+
+
+def _with_header(lines: Iterator[str], given: Given) -> Iterator[str]:
+    """With a header of places, 1 2 3, where --columns names the columns by them; with the table of what a
+    microcontroller printed, where the lines are labels and values."""
+    head = list(itertools.islice(lines, text_tables.HEADER_LINES))
+    places = [one for names in given.columns.values() for one in names]
+    if places and all(one.isdigit() for one in places):
+        most = max(int(one) for one in places)
+        for at, text in enumerate(head):
+            for separator in text_tables.SEPARATORS:
+                row = text_tables.cells(text, separator)
+                if len(row) >= most and all(text_tables.is_value(row[int(one) - 1]) for one in places):
+                    header = separator.join(str(place + 1) for place in range(len(row)))
+                    return itertools.chain([header + "\n"], head[at:], lines)
+    table = serial_dumps.as_table(itertools.chain(head, lines))
+    if not any(text_tables.layout_of(text, given) for text in head) and next(serial_dumps.as_table(head), None):
+        return table
+    return itertools.chain(head, lines)
+
+
 def _read(name: str, lines: Iterator[str], given: Given, taken: list[str], part: Part) -> Columns:
     before: list[str] = []
+    lines = _with_header(lines, given) if part is WHOLE else lines
     layout, header_at = _header(name, lines, given, part, before)
     rows = _Rows(name, layout.separator, enumerate(lines, header_at + 1))
     first = next(rows, None)
@@ -86,6 +116,12 @@ def _header(name: str, lines: Iterator[str], given: Given, part: Part, before: l
         raise UsageError(f"{name} is empty")
     if {"step", "digest"} <= set(first.split(",")):
         raise UsageError(f"{name} was exported from a log of a board: replay the log itself")
+    if text_tables.lacks_header(before):
+        raise UsageError(
+            f"{name} has rows without a header; it begins with {first[:80]!r}: say the places of its columns, and how "
+            'far apart its rows are, as in --columns "acc=1 2 3,gyr=4 5 6" --units "time=1/100 s,acc=1/16384 g,'
+            'gyr=1/131 deg/s"'
+        )
     raise UsageError(
         f"{name} needs columns time_s, gyr_x_radps.. (or _dps) and acc_x_mps2.. (or _g); it begins with "
         f"{first[:80]!r}: say which its columns are, as in {COLUMNS_EXAMPLE}{_missing(before, given, part)}"

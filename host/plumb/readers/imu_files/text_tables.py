@@ -46,7 +46,10 @@ def layout_of(
     The line may be a comment. before: the lines before it; bare: the quantity of columns named by their axis alone.
     Raises csv.Error."""
     for separator in SEPARATORS:
-        found = _layout(cells(line.strip().lstrip("#/%").strip(), separator), separator, given, before, bare)
+        header = cells(line.strip().lstrip("#/%").strip(), separator)
+        if separator == " " and not given.columns and any(one in ("=", ":", "|") or _is_number(one) for one in header):
+            continue  # labels with their values
+        found = _layout(header, separator, given, before, bare)
         if all((quantity, axis) in found.named for quantity in wanted for axis in range(3)):
             return found
     return None
@@ -132,6 +135,23 @@ def with_first_row(layout: Layout, row: list[str], given: Given) -> Layout:
 def _is_time(name: str) -> bool:
     said = meaning(name)
     return said is not None and said.quantity == "time"
+
+
+def is_value(text: str) -> bool:
+    """Whether a cell is a number or a stamp."""
+    return _is_number(text) or is_moment(text)
+
+
+def lacks_header(lines: Sequence[str]) -> bool:
+    """Whether the first row of six numbers or more stands below no line of as many cells."""
+    above = ""
+    for line in lines:
+        for separator in SEPARATORS:
+            row = cells(line.strip(), separator)
+            if len(row) >= 6 and all(is_value(one) for one in row if one):
+                return len(cells(above.strip(), separator)) != len(row)
+        above = line if line.strip() else above
+    return False
 
 
 def _is_number(text: str) -> bool:
