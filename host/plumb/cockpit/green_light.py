@@ -9,8 +9,10 @@ from typing import Literal
 from plumb.contract.parameters import ControlParams
 from plumb.link.realtime import Capture
 from plumb.proof.shadow import Shadow
+from plumb.writers.record_report import Compared
 
 Colour = Literal["green", "red", "amber", "off"]
+ANEW = "; a new run is compared again"
 FRESH_S = 0.5
 """The light goes out when no step was compared for this long."""
 
@@ -21,6 +23,12 @@ class Light:
 
     colour: Colour
     text: str
+
+
+VERDICTS: Mapping[Colour, Literal["pass", "fail", "unverified"]] = {
+    "green": "pass", "red": "fail", "amber": "unverified",
+}  # fmt: skip
+"""What a light means for a run that has ended."""
 
 
 class Comparison:
@@ -50,6 +58,13 @@ class Comparison:
     def differs(self) -> bool:
         return self.shadow is not None and self.shadow.divergence is not None
 
+    def ended(self) -> Compared | None:
+        """The run has ended: the result for its report; None when no step was compared."""
+        self.over = True
+        light = self.light(self._compared_s)
+        verdict = VERDICTS.get(light.colour)
+        return None if verdict is None else Compared(verdict, light.text.removesuffix(ANEW))
+
     def light(self, now_s: float) -> Light:
         shadow = self.shadow
         if shadow is None:
@@ -61,7 +76,7 @@ class Comparison:
             )
         if shadow.unverified_from is not None:
             where = f"unverified from step {shadow.unverified_from}: {shadow.unverified_why}"
-            return Light("amber", f"{where}; a new run is compared again")
+            return Light("amber", f"{where}{ANEW}")
         if not shadow.steps:
             return Light("off", "no step has been compared yet")
         if self.over:

@@ -19,6 +19,7 @@ from plumb.proof import run_identity
 from plumb.readers import log_replay
 from plumb.spec.protocol import Frame
 from plumb.writers import log_export
+from plumb.writers.record_report import Compared
 from plumb.writers.recorder import Batch, Recorder, RunMemory
 
 Item = Batch | Sequence[int] | None
@@ -84,10 +85,11 @@ class Recording:
         if self._writer is not None and frames:
             self._writer.items.put((time_s, frames))
 
-    def stop(self) -> None:
-        """End the recording, if one is on."""
+    def stop(self, compared: Compared | None = None) -> None:
+        """End the recording, if one is on. compared: what the shadow says of its run."""
         writer, self._writer = self._writer, None
         if writer is not None:
+            writer.compared = compared
             writer.items.put(None)
             self._ended = [one for one in self._ended if one.is_alive()] + [writer]
 
@@ -100,13 +102,14 @@ class Recording:
 class LogThread(threading.Thread):
     """Writes what is queued to the log, until the end or until the log cannot be written: a full disk ends the
     recording, not the run. items: what is to be written; failed: whether it ended by itself; reports: gets the report
-    when it is there."""
+    when it is there; compared: what the shadow said, for the report."""
 
     def __init__(self, recorder: Recorder, path: Path, say: Callable[[str], None], reports: list[Path]) -> None:
         super().__init__(name="log")
         self.recorder, self.path, self._say, self._reports = recorder, path, say, reports
         self.items: queue.SimpleQueue[Item] = queue.SimpleQueue()
         self.failed = False
+        self.compared: Compared | None = None
         self.start()
 
     def run(self) -> None:
@@ -133,7 +136,7 @@ class LogThread(threading.Thread):
         page = self.path.with_suffix(".html")
         try:
             log = log_replay.open_log(self.path)
-            log_export.export(log, log_replay.chosen(log_replay.runs_of(log), None), page)
+            log_export.export(log, log_replay.chosen(log_replay.runs_of(log), None), page, compared=self.compared)
         except PlumbError as error:
             self._say(f"no report was written: {error}")
         else:

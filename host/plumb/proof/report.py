@@ -161,11 +161,14 @@ def plot_html(plot: Plot, index: int) -> str:
         notes.append(f"Drawn of {len(plot.time_s)} samples: the least and the greatest of each {stretch} in a row.")
     note = f'<p class="note">{escaped(" ".join(notes))}</p>\n' if notes else ""
     words = escaped(described(plot))
-    return (
-        f'<section class="plot" id="plot{index}"><h2>{escaped(plot.title)}</h2>\n<div class="keys">{keys}</div>\n'
+    title = escaped(plot.title)
+    body = (
+        f'<div class="keys">{keys}</div>\n'
         f'<div class="frame"><svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{words}">'
-        f"{panel(plot, str(index))}</svg></div>\n{note}</section>"
+        f"{panel(plot, str(index))}</svg></div>\n{note}"
     )
+    body = f"<details><summary>{title}</summary>\n{body}</details>" if plot.folded else f"<h2>{title}</h2>\n{body}"
+    return f'<section class="plot" id="plot{index}">{body}</section>'
 
 
 TOOLS = (

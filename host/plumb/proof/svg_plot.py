@@ -48,13 +48,14 @@ class Line:
 
 @dataclass(frozen=True)
 class Plot:
-    """One panel: lines over a common time axis in seconds."""
+    """One panel: lines over a common time axis in seconds. folded: a page shows it when the reader opens it."""
 
     title: str
     unit: str
     time_s: Series
     lines: Sequence[Line]
     note: str = ""
+    folded: bool = False
 
 
 def escaped(text: str) -> str:

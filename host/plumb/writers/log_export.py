@@ -88,9 +88,16 @@ def needs_run(path: Path) -> bool:
     return path.suffix.lower() in STEPS
 
 
-def export(log: Log, recorded: RecordedRun | None, path: Path, *, blackbox: bool = False) -> None:
+def export(
+    log: Log,
+    recorded: RecordedRun | None,
+    path: Path,
+    *,
+    blackbox: bool = False,
+    compared: record_report.Compared | None = None,
+) -> None:
     """Write one file, whole or not at all. recorded: the run whose steps are written; None: of a log without one.
-    blackbox: a .csv has the columns of blackbox_decode.
+    blackbox: a .csv has the columns of blackbox_decode. compared: for a page, what a shadow said while it ran.
 
     Raises UsageError for a format that needs a run, and for a file that cannot be written.
     """
@@ -99,7 +106,7 @@ def export(log: Log, recorded: RecordedRun | None, path: Path, *, blackbox: bool
         raise UsageError(f"{log.path.name} holds no run of known parameters: {suffix} needs the steps of one")
     if suffix == ".html":
         assert recorded is not None
-        whole_files.write_whole({path: record_report.page_of(recorded)}, "choose another file")
+        whole_files.write_whole({path: record_report.page_of(recorded, compared)}, "choose another file")
     elif suffix == ".dbc":
         whole_files.write_whole({path: log.dbc if log.dbc is not None else dbc.text()}, "choose another file")
     elif suffix == ".json":

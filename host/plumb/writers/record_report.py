@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -11,45 +12,106 @@ from plumb.proof import run_identity
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot, Statement, page
 from plumb.readers.log_replay import RecordedRun
 from plumb.readers.step_table import Column, table_of
+from plumb.spec import declarations
+from plumb.spec.quaternion_angles import ANGLES
+from plumb.spec.system import System
 
 ROWS_MAX = 500_000
 """Steps that the page shows, the first ones: 17 minutes at 500 Hz. The log has all."""
 COLOURS = (ESTIMATE, SECOND, SENSOR, "#1a8f7a", "#8a63d2", "#c2578f")
 """Colours of the lines of one panel, in their order. Each is distinct from the background in light and in dark mode."""
+STICKS, SHARES = "Sticks", "Shares"
+"""Titles of panels; a share is a signal without a unit, such as the duty of a motor."""
+QUATERNION = ("w", "x", "y", "z")
+"""Columns of an attitude."""
 NOT_DRAWN = ("time_s", "step", "digest", "armed")
 
 
-def panels(columns: Sequence[Column]) -> list[Plot]:
-    """A panel for each unit, and one for each signal without a unit."""
+RANKS = ("deg", "m", "m/s", STICKS, "deg/s")
+"""Units and titles of the first panels, the most wanted first."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A comparison of a run with the integer model while it ran, and its result as a part of a sentence."""
+
+    verdict: Literal["pass", "fail", "unverified"]
+    text: str
+
+
+def _angles(columns: Sequence[Column]) -> list[Column]:
+    """Roll, pitch and yaw in deg of an attitude quaternion among the columns; none without one."""
+    known = {column.name: column for column in columns}
+    parts = [known.get(name) for name in QUATERNION]
+    found = [part for part in parts if part is not None]
+    if len(found) < len(parts):
+        return []
+    w, x, y, z = (part.values.astype(np.float64) for part in found)
+    came = np.all([np.ones(len(w), np.bool_) if part.known is None else part.known for part in found], axis=0)
+    return [Column(name, "deg", np.degrees(angle(w, x, y, z)), came, found[0].frame) for name, angle in ANGLES.items()]
+
+
+def _sticks(columns: Sequence[Column], declared: System) -> list[Column]:
+    """Setpoint and commands that are shares, in per cent."""
+    shares = {f"command_{command.name}": command.name for command in declared.step_commands if command.format == "Q15"}
+    setpoint = declared.setpoint
+    if setpoint.format == "Q15" and not setpoint.unit:
+        shares["setpoint"] = setpoint.name.removeprefix("setpoint_").removesuffix("_q15")
+    return [
+        replace(column, name=shares[column.name], unit="%", values=np.asarray(column.values / 327.68, np.float64))
+        for column in columns
+        if column.name in shares
+    ]
+
+
+def _line(index: int, column: Column) -> Line:
+    values = column.values.astype(np.float64)
+    if column.known is not None:
+        values = np.where(column.known, values, np.nan)
+    return Line(column.name, values, COLOURS[index % len(COLOURS)])
+
+
+def panels(columns: Sequence[Column], declared: System) -> list[Plot]:
+    """A panel for each unit, the angles first; then one for each choice, with its values in words. Folded behind them:
+    the raw counts, and the integers and shares that stand in other panels."""
     time_s = np.asarray(columns[0].values, np.float64)
-    groups: dict[tuple[str, str], list[tuple[str, Column]]] = {}
+    angles, sticks = _angles(columns), _sticks(columns, declared)
+    drawn = {*NOT_DRAWN, *(QUATERNION if angles else ())}
+    choices = {word.name: word.choices for word in declared.words if word.choices}
+    groups: dict[tuple[str, str], list[Column]] = {("Signals in deg", "deg"): angles, (STICKS, "%"): sticks}
     for column in columns:
-        if column.name in NOT_DRAWN or (column.name == "setpoint" and not column.values.any()):
+        if column.name in drawn or (column.name == "setpoint" and (sticks or not column.values.any())):
+            continue
+        if column.name.startswith("command_") and column.name.removeprefix("command_") in {one.name for one in sticks}:
             continue
         sensed = column.unit and not column.frame
         kind = "Raw counts" if column.unit == "counts" else f"Sensors in {column.unit}" if sensed else ""
-        title = kind or (f"Signals in {column.unit}" if column.unit else column.name)
-        groups.setdefault((title, column.unit), []).append((column.name, column))
+        share = not column.unit and column.values.dtype.kind == "f"
+        title = kind or (f"Signals in {column.unit}" if column.unit else SHARES if share else column.name)
+        groups.setdefault((title, column.unit), []).append(column)
     found = []
     for (title, unit), of in groups.items():
-        lines = []
-        for index, (name, column) in enumerate(of):
-            values = column.values.astype(np.float64)
-            if column.known is not None:
-                values = np.where(column.known, values, np.nan)
-            lines.append(Line(name, values, COLOURS[index % len(COLOURS)]))
-        found.append(Plot(title, unit, time_s, lines))
-    return found
+        words = "; ".join(f"{value}: {text}" for value, text in choices.get(title, {}).items())
+        integers = unit == "counts" or (not unit and not words and all(one.values.dtype.kind in "iu" for one in of))
+        lines = [_line(index, column) for index, column in enumerate(of)]
+        found += [Plot(title, unit, time_s, lines, words, folded=integers)] if of else []
+    return sorted(found, key=_rank)
 
 
-def page_of(recorded: RecordedRun) -> str:
-    """The page of one run of a log."""
+def _rank(plot: Plot) -> int:
+    """Place of a panel: signals and sticks, then sensors, then what is folded."""
+    wanted = next((rank for rank, key in enumerate(RANKS) if key in (plot.title, plot.title[len("Signals in ") :])), 9)
+    return 20 if plot.folded else 10 if plot.title.startswith("Sensors") else wanted
+
+
+def page_of(recorded: RecordedRun, compared: Compared | None = None) -> str:
+    """The page of one run of a log. compared: what a shadow said of it while it ran; None: it was not compared."""
     run, params, head = recorded.run, recorded.used.params, recorded.log.head
     most = f" The page shows the first {ROWS_MAX} steps." if run.steps > ROWS_MAX else ""
-    lead = (
-        f"{run.steps} steps of {1e3 * params.period_s:g} ms. No step was compared with the integer model: "
-        f"plumb replay {recorded.log.path.name} --board native does that.{most}"
-    )
+    again = f"plumb replay {recorded.log.path.name} --board native"
+    said = f"While it ran: {compared.text}. {again} compares again." if compared else ""
+    said = said or f"No step was compared with the integer model: {again} does that."
+    lead = f"{run.steps} steps of {1e3 * params.period_s:g} ms. {said}{most}"
     lost = run.incomplete
     whole = "no step lacks its counts or its digest" if not lost else f"{lost} steps lack their counts or their digest"
     plant = head.get("plant")
@@ -62,12 +124,13 @@ def page_of(recorded: RecordedRun) -> str:
         "parameters_crc32": f"0x{params.crc32():08x}",
         "parameters": run_identity.parameters_of(params),
     }
+    shown_steps = table_of(replace(recorded, run=run.first_steps(ROWS_MAX)))
     part = head.get("part")
     name = part.get("board", "a bus") if isinstance(part, dict) else "a bus"
     return page(
         f"{recorded.system}, recorded from {name}",
-        "",
+        compared.verdict if compared else "",
         lead,
-        [*panels(table_of(replace(recorded, run=run.first_steps(ROWS_MAX)))), *run_identity.tables(entry, heading)],
+        [*panels(shown_steps, declarations.system(recorded.system)), *run_identity.tables(entry, heading)],
         [Statement("link", whole, not lost)] if run.steps else [],
     )

@@ -230,7 +230,8 @@ class TripLoop(BoardRun):
         """End the trip, and write its record."""
         if self._over:
             return
-        self._over = self._comparison.over = True
+        self._over = True
+        compared = self._comparison.ended()
         if self._armed:
             self._session.disarm()
         elif self._went:
@@ -239,7 +240,7 @@ class TripLoop(BoardRun):
         self._own_run = False
         if self._went:
             self.note(f"{self.noun} {self.trips} is over")
-        self.recording.stop()
+        self.recording.stop(compared)
 
     # ---- orders ----
 

@@ -1,0 +1,63 @@
+"""The page of a recording: angles and sticks first, in the units of people; integers folded behind them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plumb import systems
+from plumb.proof.report import page
+from plumb.readers.step_table import Column
+from plumb.spec import declarations
+from plumb.spec.quaternion_angles import ANGLES
+from plumb.writers.record_report import panels
+
+ONES = np.ones(5)
+ROLLED = {"w": np.cos(0.1 * ONES), "x": np.sin(0.1 * ONES), "y": 0.0 * ONES, "z": 0.0 * ONES}
+"""An attitude rolled by 0.2 rad."""
+
+
+def flown() -> list[Column]:
+    integers = np.full(5, 16384, np.int64)
+    return [
+        Column("time_s", "s", np.arange(5.0)),
+        Column("step", "", np.arange(5)),
+        Column("setpoint", "", integers),
+        Column("raw_gyro_x_counts", "counts", integers),
+        Column("gyr_x_dps", "deg/s", ONES),
+        Column("command_roll", "", -integers),
+        Column("command_switches", "", integers),
+        Column("pulse_0_us", "us", ONES, None, "ROTOR_0"),
+        *(Column(name, "", values, None, "ROTOR_0") for name, values in ROLLED.items()),
+        Column("phase", "", 0 * integers, None, "STATE"),
+        Column("flags", "", integers, None, "STATE"),
+    ]
+
+
+def test_angles_and_sticks_stand_first_and_integers_are_folded() -> None:
+    found = panels(flown(), declarations.system(systems.with_part("fly")[0]))
+    titles = [plot.title for plot in found]
+    assert titles[:3] == ["Signals in deg", "Sticks", "Signals in us"] and "Sensors in deg/s" in titles
+    angles, sticks, *_ = found
+    assert [line.label for line in angles.lines] == list(ANGLES)
+    assert np.allclose(angles.lines[0].values, np.degrees(0.2)) and np.allclose(angles.lines[1].values, 0.0)
+    assert {line.label: float(line.values[0]) for line in sticks.lines} == {"throttle": 50.0, "roll": -50.0}
+    assert {plot.title for plot in found if plot.folded} == {"Raw counts", "command_switches", "flags"}
+    assert all(plot.folded for plot in found[-3:])
+    phase = next(plot for plot in found if plot.title == "phase")
+    assert phase.note.startswith("0: ") and not phase.folded
+
+
+def test_a_folded_panel_is_in_the_page_and_closed() -> None:
+    html = page("t", "", "", panels(flown(), declarations.system(systems.with_part("fly")[0])))
+    assert html.count("<details><summary>") == 3 and "<details><summary>Raw counts</summary>" in html
+
+
+def test_a_system_without_attitude_keeps_its_angles_and_groups_its_shares() -> None:
+    columns = [
+        Column("time_s", "s", np.arange(5.0)),
+        Column("left", "", ONES, None, "DRIVE"),
+        Column("right", "", ONES, None, "TURN"),
+        Column("tilt_deg", "deg", ONES, None, "ANGLE"),
+    ]
+    found = panels(columns, declarations.system(systems.with_part("ride")[0]))
+    assert [(plot.title, len(plot.lines)) for plot in found] == [("Signals in deg", 1), ("Shares", 2)]
