@@ -10,6 +10,8 @@ Files
     and an accelerometer with their units, there or in the row below; comma, semicolon, tab or spaces, decimal commas,
     any encoding, gzip. Stamps may be dates or times of day. A magnetometer is read in its own unit. The suffix is free.
     PX4, blackbox_decode, Xsens MT and DOT, and ROS are known by their columns.
+    A folder or zip of one table a sensor (Sensor Logger, phyphox), the text of a serial port, and a ULog file of PX4
+    are read as well: plumb/readers/imu_files.
 
 One axis. With u the vertical in sensor coordinates (the reading of an accelerometer at rest, in g), the tilt about an
 axis is the angle of u in the plane perpendicular to it, and increases with a positive rotation about it:

@@ -17,7 +17,7 @@ import numpy as np
 from plumb.errors import UsageError
 from plumb.files import input_files
 from plumb.files.bounded_reader import MIB, Limits, pieces_of
-from plumb.readers.imu_files import frames, table_sets, tables, text_files
+from plumb.readers.imu_files import frames, table_sets, tables, text_files, ulog
 from plumb.readers.imu_files.given import Given, of_text
 from plumb.readers.imu_files.header_words import G_MPS2 as G_MPS2
 from plumb.readers.imu_files.tables import MOST_SAMPLES, too_long
@@ -64,6 +64,8 @@ def pieces(path: Path, given_text: str = NOTHING.text) -> Iterator[bytes]:
     given = of_text(given_text)
     if path.is_dir():
         columns = table_sets.read(path.name, table_sets.of_folder(path), given, taken)
+    elif _begins_with(path, ulog.MAGIC):
+        columns = ulog.read(path, taken)
     elif _is_zip_of_tables(path):
         with zipfile.ZipFile(path) as archive:
             columns = table_sets.read(path.name, table_sets.of_zip(archive), given, taken)
@@ -83,6 +85,11 @@ def pieces(path: Path, given_text: str = NOTHING.text) -> Iterator[bytes]:
     for name, values in columns.items():
         yield json.dumps([name, values.shape]).encode()
         yield np.ascontiguousarray(values, np.float64).tobytes()
+
+
+def _begins_with(path: Path, magic: bytes) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(magic)) == magic
 
 
 def _folder_size(path: Path) -> int:
