@@ -110,6 +110,29 @@ void plumb_design_filter(plumb_design_t *d, const design_filter_t *f, int32_t pe
 void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t period_us,
                       plumb_pid_params_t *words);
 
+/* Pulses, in order and within what speed controllers take. */
+void plumb_design_esc(plumb_design_t *d, const plumb_esc_tuning_t *t, plumb_esc_params_t *words);
+
+/* Conversions of declared settings (host/plumb/spec/settings.py), each within low to high. A formula: asked
+ * times factor. */
+int64_t plumb_design_formula(plumb_design_t *d, const char *field, double asked, wide_t factor, int64_t low,
+                             int64_t high);
+
+/* A time as the nearest number of steps. */
+int64_t plumb_design_steps(plumb_design_t *d, const char *field, double seconds, int32_t period_us,
+                           int64_t low, int64_t high);
+
+/* A whole number. */
+int64_t plumb_design_number(plumb_design_t *d, const char *field, int32_t asked, int64_t low, int64_t high);
+
+/* The sine of an angle from 0 to most_deg, at most 60, times scale. */
+int64_t plumb_design_sine(plumb_design_t *d, const char *field, double deg, double scale, double most_deg,
+                          int64_t high);
+
+/* The share of a first-order filter, 1 for 0 s, Q31. Refused beyond most_periods, a time constant. */
+int64_t plumb_design_filter_share(plumb_design_t *d, const char *field, double tau_s, int32_t period_us,
+                                  double most_periods);
+
 /* The settings that one-axis systems share: three channels, tilt, filter, controller. */
 typedef struct {
     int32_t period_us, tilt;

@@ -83,7 +83,8 @@ def structure(tuning: Any) -> ctypes.Structure:
 def constant(tuning: Any, name: str) -> bytes:
     """The bytes of PLUMB_<SYSTEM>_TUNING_<NAME> in the library, as long as the tuning's struct."""
     size = ctypes.sizeof(structure(tuning))
-    return bytes((ctypes.c_char * size).in_dll(library(), f"PLUMB_{tuning.system.upper()}_TUNING_{name.upper()}"))
+    of_c = f"PLUMB_{tuning.system}_TUNING_{name.replace('-', '_')}".upper()
+    return bytes((ctypes.c_char * size).in_dll(library(), of_c))
 
 
 def design(tuning: Any) -> Answer:

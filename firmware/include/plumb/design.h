@@ -107,6 +107,16 @@ typedef struct {
     double slew_per_s;       /* largest change of the command, above 0 */
 } plumb_pid_tuning_t;
 
+/* Pulses of speed controllers: mid +- span * command, within min to max; neutral while disarmed. 900 to
+ * 2100 us, neutral <= min <= mid <= max, neutral at most 1050 us. */
+typedef struct {
+    double mid_us;
+    double span_us; /* -1200 to 1200; the sign turns the direction */
+    double min_us;
+    double max_us;
+    double neutral_us;
+} plumb_esc_tuning_t;
+
 #ifdef __cplusplus
 }
 #endif

@@ -36,16 +36,6 @@ void plumb_quad_retune(plumb_quad_t *c, const plumb_params_t *from, const plumb_
 /* Bounds for plausible sensors, and conditions for arming. */
 extern const plumb_plausibility_bounds_t plumb_quad_plausibility;
 
-/* Pulses of two opposing motors: mid +- span * command, within min to max; neutral while disarmed. 900 to
- * 2100 us, neutral <= min <= mid <= max, neutral at most 1050 us. */
-typedef struct {
-    double mid_us;
-    double span_us; /* -1200 to 1200; the sign turns the direction */
-    double min_us;
-    double max_us;
-    double neutral_us;
-} plumb_esc_tuning_t;
-
 /* Settings of the quad. */
 typedef struct {
     int32_t period_us; /* of a step: 500 to 100000 */

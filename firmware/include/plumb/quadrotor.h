@@ -70,6 +70,74 @@ bool plumb_quadrotor_params_valid(const plumb_params_t *p);
 void plumb_quadrotor_step(plumb_quadrotor_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                           int32_t setpoint);
 
+/* The loop of one axis: commands by rates, a command of 1 is all that the rotors have. Gains are at least 0.
+ */
+typedef struct {
+    double kp_per_dps;
+    double ki_per_deg;
+    double kd_per_dps2;
+    double ff_per_dps; /* of the rate that is asked for */
+} plumb_quadrotor_gains_tuning_t;
+
+/* The loops of the three rates, and what full sticks ask for. */
+typedef struct {
+    plumb_quadrotor_gains_tuning_t roll, pitch, yaw;
+    double roll_pitch_max_dps; /* mode rate: 0 to 1800 */
+    double yaw_max_dps;        /* 0 to 990 */
+    double d_tau_s;            /* low-pass of the rate in the D term; 0: none */
+    double integral_max;       /* 0 to 1 */
+} plumb_quadrotor_rates_tuning_t;
+
+/* Mode level: the sticks ask for a lean. */
+typedef struct {
+    double lean_max_deg;        /* 0 to 36.8 */
+    double gain_per_s;          /* rate by the sine of the error of the vertical */
+    double rate_max_dps;        /* 0 to 1800 */
+    double unsure_rate_max_dps; /* the same while the estimator is unsure of the vertical */
+} plumb_quadrotor_level_tuning_t;
+
+/* How four rotors share the commands. */
+typedef struct {
+    double yaw_max;  /* largest command of yaw: 0 to 1 */
+    double idle;     /* least command of a rotor that is on: 0 to 1/4 */
+    int32_t airmode; /* 1: in the air roll and pitch may raise the thrust over the throttle; 0: never */
+    double low;      /* throttle below which the stick is low: 0 to 1/4 */
+} plumb_quadrotor_mixer_tuning_t;
+
+/* What happens without the receiver. Times are 1 to 65535 steps; held_s may be 0. */
+typedef struct {
+    double lost_s;
+    double held_s;
+    double back_s;
+    int32_t lands;   /* 0: then the rotors stop; 1: the vehicle lands */
+    double land_mps; /* 0 to 4.9 */
+    double land_s;
+} plumb_quadrotor_receiver_tuning_t;
+
+/* What stops the rotors until they are switched off: times, 1 to 65535 steps. */
+typedef struct {
+    double blind_s;
+    double idle_s;
+    double lying_s;
+    double runaway_s;
+    double upturned_s;
+} plumb_quadrotor_stops_tuning_t;
+
+/* Settings of the quadrotor. A refused setting of attitude is named without "attitude.". */
+typedef struct {
+    int32_t period_us;                /* of a step: 1000 to 21000 */
+    plumb_attitude_tuning_t attitude; /* its own period is not used */
+    plumb_quadrotor_rates_tuning_t rates;
+    plumb_quadrotor_level_tuning_t level;
+    plumb_quadrotor_mixer_tuning_t mixer;
+    plumb_quadrotor_receiver_tuning_t receiver;
+    plumb_quadrotor_stops_tuning_t stops;
+    plumb_esc_tuning_t esc; /* mid_us at command 0, mid_us + span_us at 1 */
+} plumb_quadrotor_tuning_t;
+
+/* Convert a tuning to parameters; a refused setting leaves *params unchanged (plumb/design.h). */
+plumb_design_t plumb_quadrotor_design(const plumb_quadrotor_tuning_t *tuning, plumb_params_t *params);
+
 #ifdef __cplusplus
 }
 #endif

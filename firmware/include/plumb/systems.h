@@ -14,6 +14,7 @@
 #include "plumb/attitude.h"
 #include "plumb/attitude_tunings.h"
 #include "plumb/quadrotor.h"
+#include "plumb/quadrotor_tunings.h"
 #include "plumb/wheels.h"
 
 #endif

@@ -21,8 +21,8 @@ def quantise(tuning: QuadrotorTuning) -> ControlParams:
     estimator = attitude.quantise(replace(tuning.attitude, period_us=tuning.period_us, exact_period_s=None)).values
     own = {
         **{name: value for name, value in estimator.items() if name.split(".")[0] in GROUPS},
-        **esc_words(tuning.esc),
         **setting_words(tuning, {"alpha": _alpha(tuning.rates.d_tau_s, tuning.period_us * 1e-6)}),
+        **esc_words(tuning.esc),  # last: its numbers are finite then
     }
     return ControlParams.of("quadrotor", own)
 
