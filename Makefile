@@ -162,7 +162,7 @@ generate: ## write all that is generated; say what changed
 	@$(VENV)/python tools/gen_floors.py
 	@$(LISTED) | diff $(GENERATED_BEFORE) - | sed -n 's/^> [0-9a-f]*  /changed: /p'
 
-C_FILES = $(shell git ls-files '*.c' '*.h')
+C_FILES = $(shell git ls-files '*.c' '*.h' '*.cpp')
 check-style: ## ruff, mypy, clang-format, columns of prose
 	$(VENV)/ruff check --no-cache host tools tests examples
 	$(VENV)/ruff format --check host tools tests examples

@@ -11,7 +11,9 @@ from plumb.f103 import Machine
 machine = Machine(Path(sys.argv[1]))  # .bin, .hex or .elf; the power has just come on
 machine.uart.baudrate = int(sys.argv[3]) if len(sys.argv) > 3 else 921600
 machine.advance_us(20_000)
-if abs(machine.usart.baud / machine.uart.baudrate - 1) > 0.05:
+if not machine.usart.baud:
+    print("the program never set up USART1")
+elif abs(machine.usart.baud / machine.uart.baudrate - 1) > 0.05:
     print(f"USART1 is set to {machine.usart.baud:.0f} baud, what came is read at {machine.uart.baudrate}: give BAUD")
 print(machine.uart.read(machine.uart.in_waiting))
 print(sys.argv[2], machine.pin(sys.argv[2]))  # True, False, or None where it floats

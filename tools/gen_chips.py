@@ -4,7 +4,7 @@ from the declarations of host/plumb/spec/chips; and sensor-chips.md of docs/refe
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -113,6 +113,15 @@ def _limits(sensor: Sensor | None) -> str:
     return "; ".join(said)
 
 
+def _sold() -> Iterator[tuple[str, ...]]:
+    """Rows of the table of modules, one for each identity."""
+    for chip in imu_chips.chips().values():
+        buses = ", ".join(str(way.number) for way in imu_chips.ways() if chip in (way.gyro, way.accel))
+        address = "on SPI alone" if chip.address is None else f"0x{chip.address:02X}"
+        for name, value in (chip.identities or {chip.title: chip.set_up[0].value}).items():
+            yield f"0x{value:02X}", name, ", ".join(chip.modules) or "-", buses, address
+
+
 def _clock(way: Wired) -> str:
     return f"{imu_chips.PCLK2_KHZ / 2**way.spi_divider_log2:g} kHz" if way.bus == "SPI" else "-"
 
@@ -131,6 +140,15 @@ def page() -> str:
             (str(way.number), way.text, _clock(way))
             for way in imu_chips.ways()
         ]),
+        "## Modules",
+        "",
+        "The board reads the identity first (WHO_AM_I, DEVID); one that is not in the table is a sensor fault. Cheap",
+        "modules carry other chips of the same family: the table has those that are accepted. Each chip on I2C is read",
+        "at one address: a module that answers at 0x69 has AD0 high; connect AD0 to GND.",
+        "",
+        *_rows(("identity", "chip", "modules sold as", "accel_bus", "address on I2C"), list(_sold())),
+        "## Sensors that stand still",
+        "",
         "A sensor whose counts repeat for too long is stuck ([sensors](../explanation/sensors.md#sensors-that-fail)).",
         "The limits follow from its least noise at rest; in ms, all axes and one axis that should have moved, by the",
         "low-pass or output rate that is set. While the motors may turn, 400 ms are the most.",

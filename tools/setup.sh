@@ -29,6 +29,8 @@ if [ "$purpose" = test ]; then
     fi
     printf 'int main(void){return 0;}' | clang -fprofile-instr-generate -x c - -o /dev/null 2>/dev/null ||
         missing="$missing $runtime"
+    # Published filters in C++ whose cycles are counted.
+    [ -e /usr/share/doc/libstdc++-arm-none-eabi-newlib ] || missing="$missing libstdc++-arm-none-eabi-newlib"
     # Programs built against the installed C library.
     need g++ g++
     need pkg-config pkg-config

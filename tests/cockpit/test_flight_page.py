@@ -181,6 +181,17 @@ def test_keys_fly_and_the_buttons_let_it_happen(server: PageServer, chromium: Ch
     page.until(DISARMED)
 
 
+def test_hints_on_a_touch_screen_name_what_a_finger_reaches(server: PageServer, chromium: Chromium) -> None:
+    page = opened(chromium, server.control_address)
+    page.until(READY)
+    page.call("Emulation.setDeviceMetricsOverride", width=390, height=700, deviceScaleFactor=1, mobile=True)
+    page.call("Emulation.setTouchEmulationEnabled", enabled=True)
+    page.until("document.getElementById('hint').textContent === 'Tap Rotors on'")
+    assert page.value("getComputedStyle(document.getElementById('keys')).display") == "none"
+    page.click("#motors-on")
+    page.until("document.getElementById('hint').textContent === 'Move the left stick up'")
+
+
 def in_the_air(page: Page) -> None:
     page.until(READY)
     key(page, "keyDown", "Enter")

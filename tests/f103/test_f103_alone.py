@@ -35,6 +35,11 @@ def test_the_example_says_at_which_rate_the_image_sends(build: Callable[[str], P
     assert run(str(EXAMPLE), image, "PC13", baud[1]) == [repr(b"hello\n"), "PC13 True"]
 
 
+def test_the_example_says_that_an_image_sets_up_no_uart(build: Callable[[str], Path]) -> None:
+    image = str(build("systick").with_suffix(".bin"))
+    assert run(str(EXAMPLE), image, "PC13")[0] == "the program never set up USART1"
+
+
 def test_nothing_of_the_product_is_loaded(build: Callable[[str], Path]) -> None:
     program = (
         "import runpy, sys; sys.argv = sys.argv[1:]; runpy.run_path(sys.argv[0]); "

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from plumb.api import arguments
 from plumb.api.signals import ArraySignals
 from plumb.contract.parameters import ControlParams
-from plumb.errors import UsageError
+from plumb.errors import UsageError, counted
 from plumb.proof import runs, scenario_run
 from plumb.proof.compare import Divergence
 from plumb.proof.runs import RunInputs
@@ -43,7 +43,7 @@ class RunResult(ArraySignals):
 
     def __repr__(self) -> str:
         heading = self._done.heading
-        return f"<Run of {self.system} on {heading['board']}: {self.steps} steps, {self.verdict}>"
+        return f"<Run of {self.system} on {heading['board']}: {counted(self.steps, 'step')}, {self.verdict}>"
 
     @property
     def system(self) -> str:

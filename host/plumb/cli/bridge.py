@@ -345,6 +345,7 @@ def summary_of(bridge: Bridge) -> Summary:
 def describe(summary: Summary) -> str:
     """The summary as text."""
     from plumb.bridge.latency import drawn
+    from plumb.errors import counted
 
     seconds = summary["seconds"]
     lines = []
@@ -352,8 +353,8 @@ def describe(summary: Summary) -> str:
         if side in summary:
             s = summary[side]
             lines.append(
-                f"{side:<8} {s['frames']} frames ({s['frames'] / seconds:.0f}/s), lost {s['lost']}, "
-                f"rejected {s['rejected']}, foreign {s['foreign']}, opened {s['opened']} times"
+                f"{side:<8} {counted(s['frames'], 'frame')} ({s['frames'] / seconds:.0f}/s), lost {s['lost']}, "
+                f"rejected {s['rejected']}, foreign {s['foreign']}, opened {counted(s['opened'], 'time')}"
             )
     if "runs" in summary:
         lines.append(

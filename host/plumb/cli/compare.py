@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--algorithm", action="append", metavar="NAME", help="run this one; repeatable (default: all)")
     checked_file.add_as_found(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html and DIR/comparison.json")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write report.html, errors.svg, comparison.json")
     options.add_json(parser)
 
 
@@ -91,10 +91,13 @@ def main(arguments: argparse.Namespace) -> int:
     found = page.tables(results, algorithms)
     if arguments.out:
         from plumb.proof import report
+        from plumb.proof.svg_plot import plot_svg
 
         lead = f"{counted(len(results), 'input')}, {counted(len(algorithms), 'algorithm')} on the same counts."
-        html = report.page("Tilt error, compared", "", lead, [*page.plots(results[0]), *found])
-        texts = {"report.html": html, "comparison.json": json.dumps(document, indent=1) + "\n"}
+        drawn = [plot for one in (results if arguments.flights else results[:1]) for plot in page.plots(one)]
+        html = report.page("Tilt error, compared", "", lead, [*drawn, *found])
+        texts = {"report.html": html, "errors.svg": plot_svg(*drawn)}
+        texts["comparison.json"] = json.dumps(document, indent=1) + "\n"
         report.write_whole(arguments.out, texts)
     print(json.dumps(document) if arguments.json else table_text.text(found))
     if arguments.out and not arguments.json:

@@ -194,7 +194,7 @@ def files_of(arguments: argparse.Namespace) -> tuple[Path, list[Path]]:
 
 def of_log(path: Path, exports: list[Path]) -> dict[str, object]:
     """Write the exports of a finished log; what the summary says of it."""
-    from plumb.errors import UsageError
+    from plumb.errors import UsageError, counted
     from plumb.readers import log_replay
     from plumb.writers import log_export
 
@@ -211,7 +211,10 @@ def of_log(path: Path, exports: list[Path]) -> dict[str, object]:
     if not runs:
         print(f"plumb: {why}", file=sys.stderr)
     elif chosen is not None and chosen.unknown:
-        print(f"plumb: replay reproduces {chosen.known} of {chosen.run.steps} steps: {chosen.unknown}", file=sys.stderr)
+        print(
+            f"plumb: replay reproduces {chosen.known:,} of {counted(chosen.run.steps, 'step')}: {chosen.unknown}",
+            file=sys.stderr,
+        )
     return {
         "steps": sum(one.run.steps for one in runs),
         "lost": sum(one.run.incomplete for one in runs),

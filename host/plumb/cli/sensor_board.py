@@ -48,7 +48,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.bridge.sensor_board import SensorBoard
     from plumb.contract.scenario import Plant
-    from plumb.errors import UsageError
+    from plumb.errors import UsageError, counted
     from plumb.link.endpoint_names import CanName, parse_bus
     from plumb.link.sample_codec import layout_of
     from plumb.link.transports.byte_stream import open_stream
@@ -90,7 +90,8 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(summary))
     else:
-        print(f"{board.sent} samples sent; {board.late} periods skipped because this machine was late")
+        late = counted(board.late, "period")
+        print(f"{counted(board.sent, 'sample')} sent; {late} skipped because this machine was late")
     if signal.SIGINT in caught:
         raise KeyboardInterrupt
     return 0

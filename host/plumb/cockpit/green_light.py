@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from plumb.contract.parameters import ControlParams
+from plumb.errors import counted
 from plumb.link.realtime import Capture
 from plumb.proof.shadow import Shadow
 from plumb.writers.record_report import Compared
@@ -80,7 +81,11 @@ class Comparison:
         if not shadow.steps:
             return Light("off", "no step has been compared yet")
         if self.over:
-            return Light("green", f"all {shadow.steps} steps equal the model in every bit")
+            return Light("green", f"all {_equal(shadow.steps)}")
         if now_s - self._compared_s > FRESH_S:
-            return Light("off", f"{shadow.steps} steps equal the model in every bit; no more come")
-        return Light("green", f"{shadow.steps} steps equal the model in every bit")
+            return Light("off", f"{_equal(shadow.steps)}; no more come")
+        return Light("green", _equal(shadow.steps))
+
+
+def _equal(steps: int) -> str:
+    return f"{counted(steps, 'step')} equal{'s' * (steps == 1)} the model in every bit"

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from plumb.boards.link import LinkBoard
-from plumb.errors import PlumbError, UsageError
+from plumb.errors import PlumbError, UsageError, counted
 from plumb.link.used_tables import ALL_PARAMETERS
 from plumb.proof import run_identity
 from plumb.readers import log_replay
@@ -122,7 +122,7 @@ class LogThread(threading.Thread):
             self._say(f"the recording ended: {error}")
             return
         lost = f", {self.recorder.lost} more were lost" if self.recorder.lost else ""
-        self._say(f"recorded {self.recorder.steps} steps{lost} into {self.path}")
+        self._say(f"recorded {counted(self.recorder.steps, 'step')}{lost} into {self.path}")
         self._report()
 
     def _write(self, item: Batch | Sequence[int]) -> None:

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from plumb.errors import UsageError
+from plumb.errors import UsageError, counted
 from plumb.link.frame_formats import table, text_file
 from plumb.link.frame_formats.records import LineReader
 
@@ -41,7 +41,9 @@ def pieces(path: Path) -> Iterator[bytes]:
     if waiting:
         yield FRAMES + b"".join(waiting)
     elif not classic and reader.fd:
-        raise UsageError(f"{path} holds {reader.fd} frames of CAN FD and no classic one: plumb's are classic frames")
+        raise UsageError(
+            f"{path} holds {counted(reader.fd, 'frame')} of CAN FD and no classic one: plumb's are classic frames"
+        )
     for note in reader.notes:
         yield NOTE + note.encode("utf-8", "replace")
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plumb.errors import UsageError
+from plumb.errors import UsageError, counted
 from plumb.files.block_file import Block, Damage, read_blocks
 from plumb.files.bounded_reader import MIB, Limits, pieces_of
 from plumb.link.frame_records import BLOCK_FRAMES as BLOCK_FRAMES
@@ -85,9 +85,9 @@ class Log:
         inside = [damage for damage in self.damages if not damage.at_end]
         if inside:
             size = sum(damage.end - damage.start for damage in inside)
-            found.append(f"{self.path.name} is damaged at byte {inside[0].start}: {size} bytes of it are left out")
+            found.append(f"{self.path.name} is damaged at byte {inside[0].start}: {counted(size, 'byte')} left out")
         elif self.lost_blocks:
-            found.append(f"{self.path.name} lacks {self.lost_blocks} blocks: part of it was cut out")
+            found.append(f"{self.path.name} lacks {counted(self.lost_blocks, 'block')}: part of it was cut out")
         if any(damage.at_end for damage in self.damages):
             found.append(f"{self.path.name} was cut: it is read up to its last whole block")
         elif self.done is None:

@@ -2,6 +2,7 @@
 simulated chips, the drawings of the wiring and the calibrations are made from these.
 
     title, sheet     what people call the chip, and where its facts are from
+    modules          names that modules with the chip are sold by
     address          on I2C, 7 bits; missing for a chip that is wired to SPI alone
     spi_khz          the fastest clock for every register on SPI; missing for a chip without SPI
     spi_many         a read of several bytes on SPI wants bit 6 of the command
@@ -74,6 +75,7 @@ class Chip:
     name: str
     title: str
     sheet: str
+    modules: tuple[str, ...]
     address: int | None
     spi_khz: int
     spi_many: bool
@@ -156,6 +158,7 @@ def _chip(name: str, given: dict[str, Any]) -> Chip:  # Any: an entry of TOML
         name=name,
         title=given["title"],
         sheet=given["sheet"],
+        modules=tuple(given["modules"]),
         address=given.get("address"),
         spi_khz=given.get("spi_khz", 0),
         spi_many=given.get("spi_many", False),

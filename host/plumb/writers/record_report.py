@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from plumb.errors import counted
 from plumb.proof import run_identity
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot, Statement, page
 from plumb.readers.log_replay import RecordedRun
@@ -111,9 +112,11 @@ def page_of(recorded: RecordedRun, compared: Compared | None = None) -> str:
     again = f"plumb replay {recorded.log.path.name} --board native"
     said = f"While it ran: {compared.text}. {again} compares again." if compared else ""
     said = said or f"No step was compared with the integer model: {again} does that."
-    lead = f"{run.steps} steps of {1e3 * params.period_s:g} ms. {said}{most}"
+    lead = f"{counted(run.steps, 'step')} of {1e3 * params.period_s:g} ms. {said}{most}"
     lost = run.incomplete
-    whole = "no step lacks its counts or its digest" if not lost else f"{lost} steps lack their counts or their digest"
+    whole = (
+        "no step lacks its counts or its digest" if not lost else f"{counted(lost, 'step')} without counts or digest"
+    )
     plant = head.get("plant")
     heading = {"system": recorded.system, **(plant if isinstance(plant, dict) else {})}
     if recorded.of > 1:

@@ -134,7 +134,8 @@ class Usart(Peripheral, ABC):
 
     @property
     def baud(self) -> float:
-        return TICKS_PER_S / (max(self.brr, 1) * self._bus_ticks)
+        """Baud rate that the program set; 0.0 before it wrote BRR."""
+        return TICKS_PER_S / (self.brr * self._bus_ticks) if self.brr else 0.0
 
     def _heard(self, data: bytes) -> tuple[bytes, int]:
         """Bytes as the other end receives them, garbled when the two baud rates differ, and the receiver's error

@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from plumb.errors import counted
 from plumb.proof import run_identity
 from plumb.proof.faults.runner import Row
 from plumb.proof.faults.text import milliseconds
@@ -31,7 +32,8 @@ def write_report(folder: Path, rows: Sequence[Row], verdict: str, image: Path, c
     Raises UsageError when they cannot be written."""
     entry = run_identity.identity({"board": "virtual", "image": run_identity.image_of(image)}, None, command)
     failed = sum(row.verdict != "pass" for row in rows)
-    reached = f"{len(rows) - failed} of {len(rows)} faults: every output safe within its limit, and the fault reported"
+    faults = counted(len(rows), "fault")
+    reached = f"{len(rows) - failed} of {faults}: every output safe within its limit, and the fault reported"
     systems = list(dict.fromkeys(row.scene for row in rows))
     tables = [_table(name, [row for row in rows if row.scene == name]) for name in systems]
     html = page(

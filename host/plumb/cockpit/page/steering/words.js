@@ -5,6 +5,8 @@ import { byId, element, setText } from "./dom.js";
 export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 export const flies = (controls) => controls.hover !== null;
 const MOVED_M = 0.15, KEYS_A_ROW = 2;
+// A phone or tablet: its hints name what a finger reaches, and the table of keys is not shown (steering.css).
+const touch = matchMedia("(hover: none) and (pointer: coarse)");
 
 function keysOf({ motors, modes, event, ...controls }, events) {
   const named = events.find(({ name }) => name === event), mode = modes.length ? modes.join(", ") : named?.label.toLowerCase();
@@ -35,14 +37,16 @@ export function name({ command, controls, events, estimate }) {
 
 // The next action, and whether it is bad news. begun: where the vehicle was at first; holds: whether the page holds the height.
 export function hint(said, { controls }, seen, begun, holds) {
-  const { trip, motors, first } = controls;
-  if (said.over) return [`The ${trip} is over and recorded${said.holds ? `. New ${trip}: R` : ""}`, ""];
+  const { trip, motors, first } = controls, fingers = touch.matches;
+  if (said.over) return [`The ${trip} is over and recorded${said.holds ? `. New ${trip}${fingers ? " begins another" : ": R"}` : ""}`, ""];
   if (said.happening.includes("lost")) return ["The receiver gets no signal", "bad"];
   if (said.on && said.why) return [said.why, "bad"];
   if (!said.holds) return ["Another page steers; this one watches", ""];
   if (!said.settled) return ["The sensors settle", ""];
-  if (!said.on) return [said.armed ? `${capital(motors)} off` : `Enter switches the ${motors} on`, ""];
+  if (!said.on) return [said.armed ? `${capital(motors)} off` : fingers ? `Tap ${capital(motors)} on` : `Enter switches the ${motors} on`, ""];
   if (!said.armed) return ["Arming", ""];
   const moved = seen && begun ? Math.hypot(...seen.position.map((value, at) => value - begun[at])) : 0;
-  return moved < MOVED_M ? [flies(controls) && !holds ? "W gives throttle" : first, ""] : ["", ""];
+  if (moved >= MOVED_M) return ["", ""];
+  if (fingers) return ["Move the left stick up", ""];
+  return [flies(controls) && !holds ? "W gives throttle" : first, ""];
 }

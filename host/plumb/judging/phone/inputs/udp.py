@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field
 from itertools import islice
 from pathlib import Path
 
-from plumb.errors import LinkError, UsageError
+from plumb.errors import LinkError, UsageError, counted
 from plumb.files import input_files
 from plumb.judging.phone.inputs.apps import (
     LARGEST_BYTES,
@@ -123,7 +123,7 @@ class Intake:
         if not self.received.datagrams:
             return "nothing arrived"
         if not self.received.apps:
-            return f"{self.received.malformed} datagrams arrived, none of a format that is known"
+            return f"{counted(self.received.malformed, 'datagram')} arrived, none of a format that is known"
         if self.received.apps.keys() == {"SensorUDP"}:
             return "SensorUDP sends no gyroscope; take an app that does, as SensaGram or Sensorstream IMU+GPS"
         silent = [sensor for sensor, count in samples.items() if count < 2]
