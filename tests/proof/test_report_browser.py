@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import shutil
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plumb.proof import report
+from plumb.proof import report, xy_plot
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 TIME_S = np.arange(5000) / 100.0
@@ -26,7 +27,10 @@ const note = async what => { await frame(); said.push({ what, low: +document.bod
   cursors: svgs.map(svg => svg.querySelector(".cursor").getAttribute("d")),
   keys: [...document.querySelectorAll(".key output")].map(output => output.textContent),
   drawn: [...svgs[0].querySelectorAll(".lines path")].map(path => path.getAttribute("d").length > 0),
-  scrolled: [...document.querySelectorAll(".frame")].map(frame => Math.round(frame.scrollLeft)),
+  scrolls: [...document.querySelectorAll(".frame")].map(frame => frame.scrollWidth > frame.clientWidth),
+  labels: [...document.querySelectorAll(".ticks .t:not([visibility=hidden])")].map(label => {
+    const text = label.getBoundingClientRect(), svg = label.closest("svg").getBoundingClientRect();
+    return { size: text.height, left: text.left - svg.left, right: text.right - svg.left, width: svg.width }; }),
   values: [...svgs[0].querySelectorAll(".ticks .v")].map(text => +text.textContent) }); };
 (async () => {
   await note("whole");
@@ -50,10 +54,8 @@ const note = async what => { await frame(); said.push({ what, low: +document.bod
   svgs[1].dispatchEvent(new MouseEvent("dblclick"));
   send(svgs[0], "pointerdown", 500, 40); send(svgs[0], "pointermove", 502, 90); send(svgs[0], "pointerup", 502, 90);
   await note("tall");
-  document.body.style.width = "400px";
-  const first = document.querySelector(".frame");
-  first.scrollLeft = 120;
-  first.dispatchEvent(new Event("scroll")); // a page that is not shown sends none
+  document.body.style.width = "358px"; // a phone of 390 px, less the page's padding
+  dispatchEvent(new Event("resize")); // a page that is not shown sends none
   await note("narrow");
   const result = document.createElement("pre"); result.id = "said"; result.textContent = JSON.stringify(said);
   document.body.append(result);
@@ -72,7 +74,10 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         report.Plot("Tilt", "deg", TIME_S, [sine, report.Line("ramp", TIME_S / 50.0, report.SECOND)]),
         report.Plot("Rate", "deg/s", TIME_S, [report.Line("gyro", TIME_S, report.SENSOR)]),
     ]
-    page = report.page("A run", "pass", "", plots)
+    decades = np.logspace(-2.0, 1.0, 40)
+    curve = xy_plot.Curve("gain", decades, decades, report.ESTIMATE, points=True)
+    bode = xy_plot.XyPlot("Gain", xy_plot.Axis("Hz", log=True), xy_plot.Axis("dB"), [curve])
+    page = report.page("A run", "pass", "", [*plots, bode])
     page = re.sub(r"<meta http-equiv[^>]*>", "", page).replace("</body>", f"<script>{ACTS}</script></body>")
     (folder / "page.html").write_text(page, encoding="utf-8")
     command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}"]
@@ -123,5 +128,11 @@ def test_a_drag_down_zooms_the_values_of_one_plot(said: dict[str, Any]) -> None:
     assert (said["tall"]["low"], said["tall"]["high"]) == (0.0, 49.99)
 
 
-def test_on_a_narrow_screen_the_plots_scroll_together(said: dict[str, Any]) -> None:
-    assert said["narrow"]["scrolled"] == [120, 120]
+def test_a_narrow_screen_shows_whole_plots_with_labels_that_can_be_read(said: dict[str, Any]) -> None:
+    wide, narrow = said["whole"], said["narrow"]
+    assert narrow["scrolls"] == [False, False, False] and narrow["last"] == ["40", "40"]
+    assert all(label["width"] == 358.0 for label in narrow["labels"])
+    for label, after in itertools.pairwise(narrow["labels"]):
+        assert 0.0 < label["left"] < label["right"] <= 358.0
+        assert label["right"] < after["left"] or after["left"] < label["left"], "labels of one axis are apart"
+    assert {label["size"] for label in narrow["labels"]} == {label["size"] for label in wide["labels"]}

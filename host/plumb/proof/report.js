@@ -1,10 +1,50 @@
 "use strict";
-/* Zoom, pan, cursor and hidden lines of the plots of a report page. All plots share one time axis. The page shows the
- * whole run without this script; it draws by the same rules as svg_plot.py. */
+/* Width, zoom, pan, cursor and hidden lines of the plots of a report page. All plots over time share one time axis. The
+ * page shows the whole run without this script; it draws by the same rules as svg_plot.py. */
 (() => {
-  const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [1056, 250, 76, 12, 10, 42];
-  const COLUMNS = WIDTH - LEFT - RIGHT, FLOOR = HEIGHT - BOTTOM, TIME_TICKS = 10, VALUE_TICKS = 7, BAND_SHARE = 0.5;
-  const CLICK_PX = 4;
+  const [FULL, NARROWEST, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [1056, 280, 250, 76, 12, 10, 42];
+  const FLOOR = HEIGHT - BOTTOM, TIME_TICKS = 10, TICK_PX = 50, VALUE_TICKS = 7, BAND_SHARE = 0.5;
+  const CLICK_PX = 4, LETTER_PX = 6.6, LABEL_GAP_PX = 6;
+  let WIDTH = FULL, COLUMNS = FULL - LEFT - RIGHT;
+
+  /* Fit all drawings to the width of the page: what the page draws for FULL is narrowed right of the axis of values,
+   * text and dots keep their size. Labels of ticks that would overlap are hidden. */
+  const svgs = [...document.querySelectorAll(".frame svg")];
+  const drawnAt = new WeakMap();
+  const placed = (element, name) => {
+    if (!drawnAt.has(element)) drawnAt.set(element, +element.getAttribute(name));
+    const at = drawnAt.get(element);
+    return at <= LEFT ? at : LEFT + (at - LEFT) * COLUMNS / (FULL - LEFT - RIGHT);
+  };
+  const fit = () => {
+    const width = document.body.clientWidth - 2 * parseFloat(getComputedStyle(document.body).paddingLeft);
+    WIDTH = width > 0 ? Math.round(Math.min(Math.max(width, NARROWEST), FULL)) : FULL;
+    COLUMNS = WIDTH - LEFT - RIGHT;
+    const share = COLUMNS / (FULL - LEFT - RIGHT);
+    for (const svg of svgs) {
+      svg.setAttribute("viewBox", `0 0 ${WIDTH} ${svg.viewBox.baseVal.height}`);
+      svg.querySelector("clipPath rect").setAttribute("width", COLUMNS);
+      const still = svg.closest(".still") !== null;
+      for (const path of svg.querySelectorAll(still ? "path" : "path.axis"))
+        path.setAttribute("transform", `matrix(${share} 0 0 1 ${LEFT * (1 - share)} 0)`);
+      for (const dot of svg.querySelectorAll("circle")) dot.setAttribute("cx", placed(dot, "cx"));
+      for (const name of svg.querySelectorAll("text[x]:not(.v)")) {
+        const long = LETTER_PX * name.textContent.length, ends = name.style.textAnchor === "end", at = placed(name, "x");
+        name.setAttribute("x", name.classList.contains("t") ? at
+          : ends ? Math.max(at, LEFT + long) : Math.max(LEFT, Math.min(at, WIDTH - RIGHT - long)));
+      }
+      let free = 0;
+      for (const label of svg.querySelectorAll(".ticks .t")) {
+        const long = LETTER_PX * label.textContent.length, at = +label.getAttribute("x");
+        const left = label.classList.contains("e") ? at - long : at - long / 2;
+        label.setAttribute("visibility", left < free ? "hidden" : "visible");
+        if (left >= free) free = left + long + LABEL_GAP_PX;
+      }
+    }
+  };
+  document.documentElement.classList.add("fitted");
+  fit();
+  addEventListener("resize", fit);
 
   const floats = text => {
     const raw = atob(text), bytes = new Uint8Array(raw.length);
@@ -101,7 +141,8 @@
   const draw = plot => {
     const [low, high] = plot.range = valueRange(plot);
     const y = v => Math.max(-1e5, Math.min(1e5, FLOOR - (v - low) / (high - low) * (FLOOR - TOP)));
-    const t = ticks(view.low, view.high, TIME_TICKS), v = ticks(low, high, VALUE_TICKS);
+    const most = Math.min(TIME_TICKS, Math.floor(COLUMNS / TICK_PX));
+    const t = ticks(view.low, view.high, most), v = ticks(low, high, VALUE_TICKS);
     plot.svg.querySelector(".ticks").innerHTML = [
       ...t.found.map(at => `<path class="grid" d="M${x(at).toFixed(1)},${TOP}V${FLOOR}"/>` +
         `<text class="${anchored(x(at))}" y="${FLOOR + 16}">${text(at, t.step)}</text>`),
@@ -237,13 +278,7 @@
       draw(plot);
     }));
   }
-  /* On a narrow screen the plots scroll together, so that one time stays above the other. */
-  const frames = [...document.querySelectorAll(".frame")];
-  for (const frame of frames)
-    frame.addEventListener("scroll", () => {
-      for (const other of frames)
-        if (other.scrollLeft !== frame.scrollLeft) other.scrollLeft = frame.scrollLeft;
-    }, { passive: true });
+  addEventListener("resize", drawAll);
   const acts = { in: keyed["+"], out: keyed["-"], left: keyed.ArrowLeft, right: keyed.ArrowRight, all: reset };
   for (const button of document.querySelectorAll(".tools button"))
     button.addEventListener("click", acts[button.dataset.act]);
