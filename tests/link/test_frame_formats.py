@@ -6,6 +6,7 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from plumb.errors import UsageError
 from plumb.link import foreign_frame_reader
 from plumb.readers.log_file import FRAME
 from plumb.readers.log_replay import is_log, open_log
-from plumb.spec.protocol import protocol
+from plumb.spec.protocol import check, protocol
 from support import frame_texts
 from support.frame_texts import FORMS, Row
 from support.recordings import recorded_run
@@ -75,6 +76,22 @@ def test_a_cut_file_is_read_up_to_the_last_whole_line_and_says_so(tmp_path: Path
     assert "cut.gz is cut in line" in " ".join(notes)
 
 
+@pytest.mark.parametrize("suffix", [".blf", ".mf4"])
+def test_a_binary_file_is_read_when_compressed_too(tmp_path: Path, suffix: str) -> None:
+    plain = tmp_path / f"a{suffix}"
+    with can.Logger(plain) as log:
+        for number in range(20_000):
+            at, data = number * 1e-3, number.to_bytes(4, "big") * 2
+            log.on_message_received(can.Message(at + 1e9, 0x300 + number % 7, is_extended_id=False, data=data))
+    found = read(plain, plain.read_bytes())
+    packed = frame_texts.zipped(plain.read_bytes())
+    assert len(found) == 20_000 and decoded(tmp_path / "a.log", packed) == (found, []) and is_log(tmp_path / "a.log")
+    if suffix == ".blf":
+        before, notes = decoded(tmp_path / "cut", packed[: len(packed) * 3 // 4])
+        assert before == found[: len(before)] and len(before) > 10_000
+        assert notes == ["cut is cut: it is read up to the last whole part"]
+
+
 def test_differences_are_reported(tmp_path: Path) -> None:
     said = decoded(tmp_path / "a", FORMS["candump -td"][0](ROWS))[1]
     assert said == ["a: its times are differences (candump -td): they are summed"]
@@ -123,6 +140,13 @@ def test_frames_of_another_bus_are_reported_from_a_bus_without_a_run(
     assert front.main(["export", str(tmp_path / "a.log"), str(tmp_path / "a.csv")]) == 2
     said = capsys.readouterr().err
     assert "a.log is cut in line 1000" in said and "none of the 999 frames of a.log is plumb's" in said
+    known = list(protocol().by_identifier)
+    drawn = random.Random(2)
+    rows = [(at, drawn.choice(known), data) for at, _, data in rows]
+    assert sum(check(one, data) for _, one, data in rows) > 0  # by chance
+    (tmp_path / "alike.log").write_bytes(frame_texts.candump_log(rows))
+    assert front.main(["replay", str(tmp_path / "alike.log"), "--board", "native"]) == 2
+    assert "none of the 1,000 frames of alike.log is plumb's" in capsys.readouterr().err
     whole = frame_texts.rows_of(open_log(recorded_run(tmp_path / "whole.plog")).frames)
     status = protocol()["STATUS"].identifier
     (tmp_path / "b.log").write_bytes(frame_texts.candump_log([row for row in whole if row[1] == status]))

@@ -6,7 +6,7 @@ encoding, and take relative times as absolute. BLF and MF4 are read by python-ca
 
 from __future__ import annotations
 
-import shutil
+import gzip
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -109,11 +109,15 @@ class _Binary:
                     yield packed(message)
 
     def _expanded(self, folder: Path) -> Path:
-        """The file, or a copy of what a compressed one holds."""
+        """The file, or a copy of what a compressed one holds; of one that is cut, of what came before."""
         with self._path.open("rb") as file:
             if file.read(len(text_file.GZIP)) != text_file.GZIP:
                 return self._path
         copy = folder / f"expanded{self._format.suffixes[0]}"
-        with text_file.opened(self._path) as packed_file, copy.open("wb") as out:
-            shutil.copyfileobj(packed_file, out)
+        with gzip.open(self._path, "rb") as packed_file, copy.open("wb") as out:
+            try:
+                while part := packed_file.read1():
+                    out.write(part)
+            except EOFError:
+                self.notes.append(f"{self._path.name} is cut: it is read up to the last whole part")
         return copy
