@@ -105,6 +105,14 @@ def test_a_table_of_many_columns_keeps_its_words_whole() -> None:
     assert ".many td { overflow-wrap: normal; }" in text
 
 
+def test_drawings_stand_before_tables_in_their_order() -> None:
+    time_s = np.arange(3.0)
+    plots = [report.Plot(name, "deg", time_s, [report.Line(name, time_s, report.TRUTH)]) for name in ("one", "two")]
+    tables = [report.Table(name, ["column"], [["cell"]]) for name in ("Figures", "Identity")]
+    text = report.page("Order", "", "", [tables[0], plots[0], tables[1], plots[1]])
+    assert re.findall("<h2>(.*?)</h2>", text) == ["one", "two", "Figures", "Identity"]
+
+
 def test_the_page_is_the_same_every_time(page: str) -> None:
     assert a_page() == page
 

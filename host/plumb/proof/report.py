@@ -199,7 +199,9 @@ def page(
     title: str, verdict: str, lead: str, parts: Sequence[Plot | XyPlot | Table], statements: Sequence[Statement] = ()
 ) -> str:
     """The whole page. verdict: pass, fail or unverified, "": the page judges nothing; lead: one plain sentence under
-    the title; statements: what the verdict means, below it."""
+    the title; statements: what the verdict means, below it. The drawings stand before the tables, each kind in the
+    given order."""
+    parts = sorted(parts, key=lambda part: isinstance(part, Table))
     plots = [part for part in parts if isinstance(part, Plot)]
     body, drawn, noted = [], 0, {""}
     for index, part in enumerate(parts):
