@@ -81,7 +81,7 @@ def test_a_silent_client_is_waited_for_again_once_it_answers() -> None:
 
 def test_other_clients_send_any_byte_and_other_lines_are_no_request() -> None:
     client = ClientTime(clock=Clock())
-    for data in (READ, b"WAITS\r", b" WAIT\r", b"wait\r", b"XXXXXXXXWAIT\r"):
+    for data in (READ, b"WAITS\r", b" WAIT\r", b"wait\r", b"UUUUUUUUWAIT\r"):
         assert client.received(data, 0) == data and not client.waits
 
 

@@ -101,7 +101,7 @@ def test_no_encoding_stops_a_table(tmp_path: Path, encoding: str) -> None:
 
 def test_a_table_may_be_compressed(tmp_path: Path) -> None:
     path = tmp_path / "imu.csv"
-    path.write_bytes(gzip.compress((PLAIN + "\n" + rows(["0", "0.01", "0.02"])).encode()))
+    path.write_bytes(gzip.compress((PLAIN + "\n" + rows(["0", "0.01", "0.02"])).encode(), mtime=0))
     check(path)
 
 
@@ -150,13 +150,14 @@ def test_ros_messages(tmp_path: Path) -> None:
     [
         (b"\x00" * 400, "is neither .npz nor readable CSV text: it begins with 00 00"),
         (b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", "it begins with 89 50 4e 47"),
-        (gzip.compress(PLAIN.encode() * 99)[:60], "is damaged, or no table of text"),
+        (gzip.compress(PLAIN.encode() * 99, mtime=0)[:60], "is damaged, or no table of text"),
         (PLAIN.encode(), "has a header in line 1 and no row below it"),
         (
             b"Time (s),Linear Acceleration x (m/s^2),Gyroscope x (rad/s)\n",
             "names a gyro and not an accelerometer; a line",
         ),
     ],
+    ids=["zeros", "picture", "cut gzip", "header alone", "no accelerometer"],
 )
 def test_what_is_no_table_is_one_sentence(tmp_path: Path, content: bytes, sentence: str) -> None:
     path = tmp_path / "imu.csv"
