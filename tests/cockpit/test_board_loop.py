@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from pathlib import Path
 
@@ -248,6 +249,8 @@ def test_every_step_of_a_recording_is_there_while_no_page_reads(bench: CockpitBe
     assert recorded.run.steps > 90 and recorded.run.incomplete == 0
     done = log_replay.reproduce(recorded, NativeBoard(), "native", None, None)
     assert done.verdict == "pass" and done.compared == recorded.run.steps  # from the beginning of the run on
+    text = path.with_suffix(".html").read_text(encoding="utf-8")
+    assert '<span class="verdict pass">' in text and re.search(r"While it ran: \d+ steps equal the model", text)
 
 
 def test_a_recording_has_the_parameters_of_each_of_its_runs(bench: CockpitBench) -> None:
@@ -263,6 +266,8 @@ def test_a_recording_has_the_parameters_of_each_of_its_runs(bench: CockpitBench)
     first, second = log_replay.runs_of(log_replay.open_log(path))
     changed = [name for name, value in first.used.table.items() if second.used.table[name] != value]
     assert "kalman.qa_lo" in changed
+    text = path.with_suffix(".html").read_text(encoding="utf-8")
+    assert '<span class="verdict pass">' in text and "No step was compared" not in text
 
 
 @pytest.mark.parametrize("staged_seen", [True, False])

@@ -87,9 +87,9 @@ class BoardLoop(BoardRun):
     def _open_again(self, reopen: Callable[[], LinkBoard], why: str, stopped: Callable[[], bool]) -> None:
         """Close the link that was lost, and try to open the board until that succeeds. What was armed is disarmed by
         the board itself."""
+        self._stop_recording()
         self._own_run, self._test, self._capture = False, None, None
         self._arming.over("the link was lost")
-        self.recording.stop()
         self.note(f"the link was lost: {why}")
         light = {"colour": "off", "text": "no link to the board"}
         self.state = {**self.state, "lost": why, "light": light, "armed": False, "armed_here": False, "arming": False}
@@ -127,7 +127,7 @@ class BoardLoop(BoardRun):
 
     def _close(self) -> None:
         self._questions.end()
-        self.recording.stop()
+        self._stop_recording()
         self._session.listener = None
         try:
             if self._arming.armed:
@@ -243,7 +243,11 @@ class BoardLoop(BoardRun):
         if on:
             self.recording.start(self.board, self._words)
         else:
-            self.recording.stop()
+            self._stop_recording()
+
+    def _stop_recording(self) -> None:
+        self._note_result()
+        self.recording.stop()
 
     # ---- what the pages see ----
 

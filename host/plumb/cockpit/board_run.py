@@ -215,6 +215,7 @@ class BoardRun:
 
     def _open_run(self, words: list[int], frames: tuple[str, ...], period_s: float, *, joined: bool = False) -> None:
         raw = tuple(set(RAW_FRAMES).intersection(frames))
+        self._note_result()
         self._runs += 1
         why_not = JOINED if joined else ""
         reports = SetpointReports(from_begin=not joined)
@@ -229,6 +230,11 @@ class BoardRun:
         column = None if setpoint is None else setpoint.column
         computed = () if params is None else dbc.frame_names(self._session.system)
         self.samples = Samples(self._runs, self._session.system, frames, period_s, column, computed)
+
+    def _note_result(self) -> None:
+        """Tell the recording what the comparison of the newest run has shown."""
+        if self._capture is not None and self._capture.steps:
+            self.recording.run_ended(self._comparison.result())
 
     def _join(self) -> None:
         """Listen to a run that another program, or the arm switch, began."""

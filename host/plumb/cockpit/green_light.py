@@ -62,6 +62,10 @@ class Comparison:
     def ended(self) -> Compared | None:
         """The run has ended: the result for its report; None when no step was compared."""
         self.over = True
+        return self.result()
+
+    def result(self) -> Compared | None:
+        """What the steps so far have shown; None when no step was compared."""
         light = self.light(self._compared_s)
         verdict = VERDICTS.get(light.colour)
         return None if verdict is None else Compared(verdict, light.text.removesuffix(ANEW))

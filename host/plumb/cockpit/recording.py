@@ -85,11 +85,15 @@ class Recording:
         if self._writer is not None and frames:
             self._writer.items.put((time_s, frames))
 
-    def stop(self, compared: Compared | None = None) -> None:
-        """End the recording, if one is on. compared: what the shadow says of its run."""
+    def run_ended(self, compared: Compared | None) -> None:
+        """Note what the shadow says of a run of which the recording, if one is on, has steps."""
+        if self._writer is not None:
+            self._writer.compared.append(compared)
+
+    def stop(self) -> None:
+        """End the recording, if one is on."""
         writer, self._writer = self._writer, None
         if writer is not None:
-            writer.compared = compared
             writer.items.put(None)
             self._ended = [one for one in self._ended if one.is_alive()] + [writer]
 
@@ -102,14 +106,14 @@ class Recording:
 class LogThread(threading.Thread):
     """Writes what is queued to the log, until the end or until the log cannot be written: a full disk ends the
     recording, not the run. items: what is to be written; failed: whether it ended by itself; reports: gets the report
-    when it is there; compared: what the shadow said, for the report."""
+    when it is there; compared: what the shadow said of each run, for the report."""
 
     def __init__(self, recorder: Recorder, path: Path, say: Callable[[str], None], reports: list[Path]) -> None:
         super().__init__(name="log")
         self.recorder, self.path, self._say, self._reports = recorder, path, say, reports
         self.items: queue.SimpleQueue[Item] = queue.SimpleQueue()
         self.failed = False
-        self.compared: Compared | None = None
+        self.compared: list[Compared | None] = []
         self.start()
 
     def run(self) -> None:
@@ -136,7 +140,9 @@ class LogThread(threading.Thread):
         page = self.path.with_suffix(".html")
         try:
             log = log_replay.open_log(self.path)
-            log_export.export(log, log_replay.chosen(log_replay.runs_of(log), None), page, compared=self.compared)
+            run = log_replay.chosen(log_replay.runs_of(log), None)
+            compared = self.compared[run.number - 1] if len(self.compared) == run.of else None
+            log_export.export(log, run, page, compared=compared)
         except PlumbError as error:
             self._say(f"no report was written: {error}")
         else:

@@ -240,7 +240,8 @@ class TripLoop(BoardRun):
         self._own_run = False
         if self._went:
             self.note(f"{self.noun} {self.trips} is over")
-        self.recording.stop(compared)
+        self.recording.run_ended(compared)
+        self.recording.stop()
 
     # ---- orders ----
 
