@@ -165,7 +165,10 @@ def setting(row: parameters.Parameter) -> str:
         most = math.degrees(math.asin(row.max / 2**binary))
         call = f"plumb_design_sine({first}, 0x1p{binary}, {most!r}, {row.max})"
     elif conversion == FILTER:
-        call = f"plumb_design_filter_share({first}, period_us, {-1 / math.log1p(-500 / 2**31)!r})"
+        # 2^31 - 1 stands for 1; a share below 500 would be more than 0.1 % off.
+        least = 0.0 if row.max == (1 << 31) - 1 else -1 / math.log1p(-row.max / 2**31)
+        most = -1 / math.log1p(-max(row.min, 500) / 2**31)
+        call = f"plumb_design_filter_share({first}, period_us, {least!r}, {most!r}, {row.max})"
     else:
         factor = f"wide_of(0x1p{binary})"
         signs = conversion.split() if conversion != SAME else []

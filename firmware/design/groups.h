@@ -129,9 +129,10 @@ int64_t plumb_design_number(plumb_design_t *d, const char *field, int32_t asked,
 int64_t plumb_design_sine(plumb_design_t *d, const char *field, double deg, double scale, double most_deg,
                           int64_t high);
 
-/* The share of a first-order filter, 1 for 0 s, Q31. Refused beyond most_periods, a time constant. */
+/* The share of a first-order filter, Q31, `high` for 0 s. Its time constant is least_periods to most_periods.
+ */
 int64_t plumb_design_filter_share(plumb_design_t *d, const char *field, double tau_s, int32_t period_us,
-                                  double most_periods);
+                                  double least_periods, double most_periods, int64_t high);
 
 /* The settings that one-axis systems share: three channels, tilt, filter, controller. */
 typedef struct {

@@ -52,15 +52,15 @@ int64_t plumb_design_sine(plumb_design_t *d, const char *field, double deg, doub
 }
 
 int64_t plumb_design_filter_share(plumb_design_t *d, const char *field, double tau_s, int32_t period_us,
-                                  double most_periods) {
-    const double dt_s = (double)period_us / 1e6;
+                                  double least_periods, double most_periods, int64_t high) {
+    const double dt_s = (double)period_us / 1e6, least_s = dt_s * least_periods, most_s = dt_s * most_periods;
     plumb_design_not_negative(d, field, tau_s);
-    if (tau_s > dt_s * most_periods) {
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, field, tau_s, 0.0, dt_s * most_periods);
+    if (tau_s < least_s || tau_s > most_s) {
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, field, tau_s, least_s, most_s);
     }
     if (d->error != PLUMB_DESIGN_OK || tau_s == 0.0) {
-        return DESIGN_WORD_MAX;
+        return high;
     }
     const int64_t nearest = wide_round(wide_of(plumb_design_share(dt_s / tau_s) * 0x1p31));
-    return nearest < DESIGN_WORD_MAX ? nearest : DESIGN_WORD_MAX;
+    return nearest < high ? nearest : high;
 }

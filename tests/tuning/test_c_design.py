@@ -29,9 +29,11 @@ from support.campaigns import campaign
 from support.declared_systems import of_declared
 
 ROOT = Path(__file__).resolve().parents[2]
-SYSTEMS = tuple(of_declared(["quad", "balancer", "turntable", "phone", "attitude", "quadrotor"]))
+SYSTEMS = tuple(of_declared(["quad", "balancer", "turntable", "phone", "attitude", "quadrotor", "wheels"]))
 SAME_DOUBLES = ("attitude",)
 """Systems whose C and Python calculate in the same doubles: equal in every bit."""
+STANDS_ON = {"quadrotor": "attitude", "wheels": "balance"}
+"""System -> group of settings that are those of the system that it stands on."""
 WIDE = re.compile(r"(.*)_hi$")
 
 
@@ -60,7 +62,7 @@ def named(system: str, sentence: str) -> str:
         name = name.replace("kalman.bias_max_dps", "bias_max_dps").replace("trust.r_max_deg2", "r_left_out_deg2")
         name = "rate" if name == "kalman.rate" else re.sub("^(kalman|trust)", axis[1], name)
         return re.sub("^start", f"{axis[1]}.start", name)
-    if system not in ("quad", "balancer"):
+    if system not in ("quad", "balancer", "wheels"):
         return name
     return re.sub("^(gyro|accel|accel_up)\\.", r"calibration.\1.", name)
 
@@ -112,8 +114,8 @@ def cured(tuning: Any, refusal: c_design.Answer) -> bool:
     """Whether a setting that is moved between the limits of its refusal, and of those that follow, is refused no more:
     it must be, unless they leave nothing (or it is a choice): then another setting has to change."""
     field, path = refusal.field, refusal.field.split(".")
-    if not hasattr(tuning, path[0]):  # of the attitude that a quadrotor stands on
-        path.insert(0, "attitude")
+    if not hasattr(tuning, path[0]):  # of the system that this one stands on
+        path.insert(0, STANDS_ON[tuning.system])
     least, most = -math.inf, math.inf
     for _ in range(4):
         if refusal.field != field:
@@ -182,7 +184,7 @@ def test_shipped_tunings_have_the_words_of_python(system: str) -> None:
 def test_drawn_tunings_have_the_words_of_python_or_are_refused_alike(system: str, block: int) -> None:
     """1000 tunings; pytest -s prints how many integers were equal, how many one unit apart."""
     rng, counts = np.random.default_rng([SYSTEMS.index(system), block]), Counter[str]()
-    shipped, many = list(tunings(system).values()), 3.0 if system == "quadrotor" else 1.0  # twice as many settings
+    shipped, many = list(tunings(system).values()), 3.0 if system in STANDS_ON else 1.0  # twice as many settings
     for i in range(1000):
         counts += compare(drawn(rng, shipped[i % len(shipped)], float(rng.choice([0.05, 0.2, 0.6])) / many))
     print(f"{system}: {dict(counts)}")

@@ -55,7 +55,7 @@ static void setting_words(plumb_design_t *d, const plumb_quadrotor_tuning_t *t,
     p->quadrotor.tilt_rate_max_q28 = (int32_t)plumb_design_formula(d, "level.rate_max_dps", t->level.rate_max_dps, wide_div(wide_of(0x1p28), turn), 0, 1342177280);
     p->quadrotor.stick_rate_q28 = (int32_t)plumb_design_formula(d, "rates.roll_pitch_max_dps", t->rates.roll_pitch_max_dps, wide_div(wide_of(0x1p28), turn), 0, 1342177280);
     p->quadrotor.yaw_rate_max_q28 = (int32_t)plumb_design_formula(d, "rates.yaw_max_dps", t->rates.yaw_max_dps, wide_div(wide_of(0x1p28), turn), 0, 738197504);
-    p->quadrotor.d_alpha_q31 = (int32_t)plumb_design_filter_share(d, "rates.d_tau_s", t->rates.d_tau_s, period_us, 4294966.7959999805);
+    p->quadrotor.d_alpha_q31 = (int32_t)plumb_design_filter_share(d, "rates.d_tau_s", t->rates.d_tau_s, period_us, 0.0, 4294966.7959999805, 2147483647);
     p->quadrotor.integral_max_q30 = (int32_t)plumb_design_formula(d, "rates.integral_max", t->rates.integral_max, wide_of(0x1p30), 0, 1073741824);
     p->quadrotor.yaw_max_q24 = (int32_t)plumb_design_formula(d, "mixer.yaw_max", t->mixer.yaw_max, wide_of(0x1p24), 0, 16777216);
     p->quadrotor.idle_q24 = (int32_t)plumb_design_formula(d, "mixer.idle", t->mixer.idle, wide_of(0x1p24), 0, 4194304);

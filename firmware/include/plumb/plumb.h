@@ -3,16 +3,17 @@
  * A step takes raw counts and gives a record of every signal:
  *
  *     plumb_params_t params;
- *     plumb_quad_t quad;
+ *     plumb_attitude_t body;
  *
- *     plumb_design_t made = plumb_quad_design(&PLUMB_QUAD_TUNING_DEFAULT, &params);
+ *     plumb_design_t made = plumb_attitude_design(&PLUMB_ATTITUDE_TUNING_DEFAULT, &params);
  *
- *     plumb_quad_init(&quad, &params);
+ *     plumb_attitude_init(&body, &params);
  *
- *     plumb_quad_step(&quad, &params, raw, setpoint_turn_q32);
+ *     plumb_attitude_step(&body, &params, raw, 0);
  *
- * Design and init come once; made.error has to be PLUMB_DESIGN_OK. The step comes every period, and leaves
- * the tilt in quad.words.tilt_turn_q32, where 2^32 is a turn.
+ * Design and init come once; made.error has to be PLUMB_DESIGN_OK. The step comes every period of the tuning,
+ * period_us, and leaves the vertical in body axes in body.words.up_q30, where 2^30 is 1, and the quaternion
+ * from body to earth in body.words.attitude.
  *
  * The caller owns all memory; nothing is allocated, kept in a static or read from a clock, so that instances
  * are independent and a run can be repeated. A step is integers alone. Formats are in the names: quantity,
@@ -20,7 +21,7 @@
  *
  * A design (plumb/design.h) makes the integers from deg, deg/s, g, s; it needs doubles, once, and may run
  * elsewhere. Without it, fill plumb_params_t with what the host's tools give, and ask
- * plumb_quad_params_valid. */
+ * plumb_attitude_params_valid. */
 #ifndef PLUMB_H
 #define PLUMB_H
 

@@ -16,5 +16,6 @@
 #include "plumb/quadrotor.h"
 #include "plumb/quadrotor_tunings.h"
 #include "plumb/wheels.h"
+#include "plumb/wheels_tunings.h"
 
 #endif

@@ -68,6 +68,57 @@ void plumb_wheels_retune(plumb_wheels_t *c, const plumb_params_t *from, const pl
 /* Bounds for plausible sensors, and conditions for arming. */
 extern const plumb_plausibility_bounds_t plumb_wheels_plausibility;
 
+/* The turn rate: how it is measured, asked for and controlled. Gains are at least 0; a command of 1 is the
+ * full duty. */
+typedef struct {
+    double count_m;        /* way of a wheel per count of its encoder */
+    double track_m;        /* between the wheels, not 0; the sign turns the direction */
+    double wheels_max_dps; /* that the wheels may show, at least a count in a step: to 1440 */
+    double bias_tau_s;     /* with which the gyro's bias follows the wheels, at least 1.45 periods */
+    double doubt_dps;      /* disagreement of gyro and wheels that counts for the bias: 0 to 360 */
+    double slip_dps;       /* disagreement that shows a slipping wheel: 0 to 1440 */
+    double slip_s;         /* for which it then counts as slipping: 0 to 65535 steps */
+    double rate_max_dps;   /* that a full stick asks for: 0 to 1440 */
+    double integral_max;   /* 0 to 1 */
+    double duty_max;       /* 0 to below 1 */
+    double slip_mps;       /* change of the speed asked for while a wheel slips: 0 to 8 */
+    double kp_per_dps;
+    double ki_per_deg;
+    double kd_per_dps2;
+    double ff_per_dps; /* of the rate that is asked for */
+} plumb_wheels_turning_tuning_t;
+
+/* The rider's switch, and the receiver. Times are 1 to 65535 steps; stopping_s may be 0. */
+typedef struct {
+    double lost_s;     /* without a new frame: the receiver is lost */
+    double absent_s;   /* without the rider: the vehicle comes to rest */
+    double stopping_s; /* its motors then stop */
+    double up_deg;     /* largest tilt at which it takes a rider again: 0 to 180 */
+} plumb_wheels_riding_tuning_t;
+
+/* When encoders and accelerometer are not believed, and wheels count as lifted. Times are 1 to 65535 steps.
+ */
+typedef struct {
+    double apart_tau_s; /* with which the speed felt follows the wheels, at least 1.45 periods */
+    double apart_mps;   /* speed felt beyond which wheels that never counted are not believed: 0 to 16 */
+    double dead_s;      /* without a count: an encoder may be dead; from 2 steps */
+    double rocked_deg;  /* by which the body rocks in that time if it is: 0 to 1440 deg/s in one step */
+    double full_s;      /* at 7/8 of the full duty: the wheels turn in the air */
+    double still_s;     /* with a repeated count of the accelerometer: it is not believed */
+} plumb_wheels_watching_tuning_t;
+
+/* Settings of the vehicle. A refused setting of balance is named without "balance.". */
+typedef struct {
+    int32_t period_us;               /* of a step: 500 to 100000; a board takes 1000 or more */
+    plumb_balancer_tuning_t balance; /* its edges are counts of both encoders; its period is not used */
+    plumb_wheels_turning_tuning_t turning;
+    plumb_wheels_riding_tuning_t riding;
+    plumb_wheels_watching_tuning_t watching;
+} plumb_wheels_tuning_t;
+
+/* Convert a tuning to parameters; a refused setting leaves *params unchanged (plumb/design.h). */
+plumb_design_t plumb_wheels_design(const plumb_wheels_tuning_t *tuning, plumb_params_t *params);
+
 #ifdef __cplusplus
 }
 #endif
