@@ -125,7 +125,7 @@ def test_a_broken_study_on_recordings_is_one_sentence(entry: dict[str, object], 
         from_table({"system": "attitude", "recording": NAMES[0], "recordings": str(folder), **entry})
 
 
-@pytest.mark.parametrize("entry", [{"grade": "bias"}, {"recordings": "."}, {"decimate": 3}])
+@pytest.mark.parametrize("entry", [{"grade": "bias"}, {"recordings": "."}, {"decimate": 3}, {"as_found": True}])
 def test_what_belongs_to_recordings_is_refused_without_one(entry: dict[str, object]) -> None:
     with pytest.raises(UsageError, match=f"{next(iter(entry))} is for recordings: name one with recording"):
         from_table({"system": "attitude", **entry})
@@ -161,20 +161,42 @@ def test_python_names_a_folder_and_its_recordings(folder: Path) -> None:
     assert table["recording"] == list(NAMES) and table["steps"].tolist() == [2400, 2400]
 
 
-def test_a_campaign_says_the_faults_of_its_recordings_first(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.fixture
+def study_of_faulty(folder: Path) -> Path:
+    """A study on a recording in g and a good one."""
     with np.load(folder / NAMES[0]) as held:
         np.savez(folder / "in-g.npz", **{**held, "acc": held["acc"] / 9.80665})
     study = folder / "study.toml"
     study.write_text(
-        f'system = "phone"\nruns = 1\nseconds = 3.0\nrecordings = "."\nvary.recording = ["in-g.npz", "{NAMES[1]}"]\n'
+        f'system = "phone"\nruns = 3\nseconds = 3.0\nrecordings = "."\n'
+        f'vary.recording = ["in-g.npz", "{NAMES[0]}", "{NAMES[1]}"]\n'
     )
-    main(["campaign", str(study), "--workers", "1", "--json"])
+    return study
+
+
+def test_a_campaign_says_the_faults_of_its_recordings_first(
+    study_of_faulty: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["campaign", str(study_of_faulty), "--workers", "1", "--json"])
     said = capsys.readouterr()
     assert said.err.startswith("plumb: warning: in-g.npz: accelerometer-units: sure")
+    assert "in-g.npz: --as-found undoes acc*9.80665\n" in said.err
     check = json.loads(said.out)["check"]
-    assert list(check) == ["in-g.npz", NAMES[1]]
+    assert list(check) == ["in-g.npz", *NAMES]
     wrong = [[one["kind"] for one in check[name]["findings"] if one["wrong"]] for name in check]
-    assert "accelerometer-units" in wrong[0] and "accelerometer-units" not in wrong[1]
+    assert "accelerometer-units" in wrong[0] and "accelerometer-units" not in wrong[1] + wrong[2]
+
+
+def test_a_campaign_undoes_what_is_found(study_of_faulty: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["campaign", str(study_of_faulty), "--as-found", "--workers", "1", "--json"]) == 0
+    said = capsys.readouterr()
+    assert "in-g.npz as found: acc*9.80665\n" in said.err
+    assert json.loads(said.out)["check"]["in-g.npz"]["undone"] == ["acc*9.80665"]
+    vary = {"recording": ["in-g.npz", NAMES[0]]}
+    recorded = {"recordings": str(study_of_faulty.parent), "vary": vary, "runs": 2, "seconds": 3.0}
+    found = results({"system": "phone", **recorded, "as_found": True})
+    assert found.metrics["angle_rmse_deg"][0] == pytest.approx(found.metrics["angle_rmse_deg"][1], abs=1e-3)
+    assert main(shlex.split(f"campaign {study_of_faulty} --as-found --only 0 --json")) == 0
 
 
 @pytest.mark.parametrize(("runs", "said"), [(1, "1 run of quad from"), (2, "2 runs of quad from")])

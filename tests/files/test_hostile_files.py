@@ -170,7 +170,7 @@ def test_a_field_with_a_line_break_is_reported_on_one_line(tmp_path: Path) -> No
     head = "time_s," + ",".join(
         f"{kind}_{axis}_{unit}" for kind, unit in (("gyr", "dps"), ("acc", "g")) for axis in "xyz"
     )
-    path.write_text(head + '\n0,1,2,3,0,0,"1\n2"\n', encoding="utf-8")
+    path.write_text(head + '\n0,1,2,3,0,0,"x\n2"\n', encoding="utf-8")
     with pytest.raises(UsageError, match=r"^a.csv line \d: .* is no number$") as refused:
         recording.load(path)
     assert "\n" not in str(refused.value)

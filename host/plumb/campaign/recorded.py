@@ -16,6 +16,7 @@ from plumb import systems
 from plumb.analyses.comparison.contenders import COMPARE
 from plumb.analyses.comparison.grades import GRADES
 from plumb.analyses.comparison.samples import DECIMATIONS, motion_of
+from plumb.audit import audited_files
 from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.near_names import did_you_mean
@@ -32,7 +33,8 @@ DATA = "PLUMB_DATA"
 @dataclass(frozen=True)
 class RecordedRequest:
     """grade: whose errors are added, as `plumb compare` names them, drawn from the seed; None: none. seconds: only so
-    much of the beginning. decimate: means of blocks of so many samples. tuning: None for that of a replay."""
+    much of the beginning. decimate: means of blocks of so many samples. tuning: None for that of a replay. as_found:
+    what an audit is sure of is undone first."""
 
     system: str
     file: Path
@@ -41,6 +43,7 @@ class RecordedRequest:
     seconds: float | None = None
     decimate: int = 1
     tuning: AnyTuning | None = None
+    as_found: bool = False
 
     def command(self) -> str | None:
         """The command line that gives this run; None where no other command gives it."""
@@ -48,6 +51,7 @@ class RecordedRequest:
             return None
         words = ["plumb", "replay", str(self.file), "--system", self.system, "--board", "native"]
         words += ["--seconds", f"{self.seconds:g}"] if self.seconds is not None else []
+        words += ["--as-found"] if self.as_found else []
         return shlex.join([*words, *(["--decimate", str(self.decimate)] if self.decimate > 1 else [])])
 
 
@@ -84,8 +88,8 @@ def check(request: RecordedRequest) -> None:
 
 
 @lru_cache(maxsize=8)
-def _recording(path: Path) -> Recording:
-    return recording.load(path)
+def _recording(path: Path, as_found: bool) -> Recording:
+    return audited_files.recording_of(path, audited_files.audited(path), True) if as_found else recording.load(path)
 
 
 @lru_cache(maxsize=8)
@@ -116,12 +120,14 @@ def inputs_of(request: RecordedRequest) -> tuple[RunInputs, ControlParams]:
             seconds=request.seconds,
             decimate=request.decimate,
             tuning=request.tuning,
-            loaded=_recording(request.file),
+            loaded=_recording(request.file, request.as_found),
         )
         inputs, params, _ = systems.load(request.system, REPLAY).inputs_of(asked)
         return inputs, params
     part = systems.load(request.system, COMPARE)
-    (samples,) = GRADES[request.grade].samples(motion_of(_recording(request.file)), request.seed, request.decimate)
+    (samples,) = GRADES[request.grade].samples(
+        motion_of(_recording(request.file, request.as_found)), request.seed, request.decimate
+    )
     if request.seconds is not None:
         steps = recording.steps_in(request.seconds, samples.period_us, len(samples.counts))
         samples = samples.first(steps)

@@ -82,6 +82,8 @@ class Study:
     """Errors of the sensors on a recording, as `plumb compare --grade` has them."""
     decimate: int = 1
     """Samples of a recording in a block, whose mean is taken first."""
+    as_found: bool = False
+    """What an audit is sure of is undone in each recording, as `plumb replay --as-found` does it."""
     limits: Mapping[str, float] = field(default_factory=dict)
     """Metric -> the most that a run may have; the share of the runs that keep it is reported."""
     reference: bool = False
@@ -174,6 +176,7 @@ class Study:
             self.seconds,
             self.decimate,
             tuning,
+            self.as_found,
         )
 
     def _settings(self, values: Mapping[str, Value]) -> dict[str, float | str]:
@@ -223,6 +226,7 @@ class Study:
         if replay is not None:
             words = ["plumb", "campaign", self.path or "STUDY.toml", "--only", str(index), "--runs", str(self.runs)]
             words += ["--first-seed", str(self.first_seed), *(["--tuning", self.tuning] if self.tuning else [])]
+            words += ["--as-found"] if self.as_found else []
             return shlex.join([*words, *(["--seconds", f"{self.seconds:g}"] if self.seconds is not None else [])])
         repeated = any(factor.name.startswith(SETTING) for factor in self.vary)
         asked = smaller or self.request(index)
@@ -258,7 +262,7 @@ KEYS: dict[str, type] = {
     "system": str, "runs": int, "first_seed": int, "seconds": float, "open_loop": bool, "scenario": str, "tuning": str,
     "start": str, "faults": list, "conditions": dict, "draw": str, "draw_seed": int, "vary": dict, "limits": dict,
     "reference": bool, "confirm": str, "link": str, "image": str, "recording": str, "recordings": str, "grade": str,
-    "decimate": int, "invariants": bool,
+    "decimate": int, "invariants": bool, "as_found": bool,
 }  # fmt: skip
 """Entries of a study and their kinds."""
 KINDS: dict[type, str] = {
@@ -382,6 +386,7 @@ def _check_recorded(study: Study) -> None:
     if not study.recordings_named:
         alone = [name for name in ("recordings", "grade") if getattr(study, name) is not None or name in varied]
         alone += ["decimate"] if study.decimate != 1 else []
+        alone += ["as_found"] if study.as_found else []
         if alone:
             raise UsageError(f"{alone[0]} is for recordings: name one with recording, or several with vary.recording")
         return

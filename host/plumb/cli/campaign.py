@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_conditions(parser, "condition of every run")
     options.add_faults(parser, "fault of every run, instead of the study's; repeatable")
     options.add_open_loop(parser)
+    checked_file.add_as_found(parser, given=False)
     parser.add_argument("--reference", action="store_true", help="compare every run with the float64 reference, too")
     parser.add_argument("--confirm", metavar="B", help="run every step on a further board and compare: virtual, qemu")
     options.add_link_and_image(parser)
@@ -86,6 +87,7 @@ def _study(arguments: argparse.Namespace) -> Study:
     if arguments.fault:
         table["faults"] = arguments.fault
     table["open_loop"] = arguments.open_loop or table.get("open_loop", False)
+    table["as_found"] = arguments.as_found or table.get("as_found", False)
     table["reference"] = arguments.reference or table.get("reference", False)
     return study.from_table(table, given if declared else None)
 
@@ -123,7 +125,7 @@ def main(arguments: argparse.Namespace) -> int:
     other = folder.results_of(arguments.against, study) if arguments.against is not None else None
     if other is not None:
         against.check_seeds(range(study.seed(0), study.seed(study.runs - 1) + 1), other)
-    checked = checked_file.said_first(study.recording_files())
+    checked = checked_file.said_first(study.recording_files(), study.as_found)
     if arguments.only is not None:
         found = Results([run_batch(study, range(arguments.only, arguments.only + 1))])
     else:

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
     from plumb.readers.replay import ReplayRequest
 
 
-def add_as_found(parser: argparse.ArgumentParser) -> None:
-    """--as-found, --units, --columns, --frame."""
+def add_as_found(parser: argparse.ArgumentParser, given: bool = True) -> None:
+    """--as-found; given: --units, --columns, --frame, too."""
     parser.add_argument(
         "--as-found", action="store_true", help="of units: undo what `plumb check` is sure of, and print what that was"
     )
-    options.add_given(parser)
+    if given:
+        options.add_given(parser)
 
 
 def load(path: Path, arguments: argparse.Namespace) -> tuple[Recording, Audit]:
@@ -42,10 +43,7 @@ def load(path: Path, arguments: argparse.Namespace) -> tuple[Recording, Audit]:
     _say_faults(path, found)
     for sentence in loaded.notes:
         print(f"plumb: warning: {path.name}: {sentence}", file=sys.stderr)
-    if as_found:
-        print(f"{path.name} as found: {' '.join(found.sure_mends) or 'nothing to undo'}", file=sys.stderr)
-    elif found.sure_mends:
-        print(f"plumb: warning: {path.name}: --as-found undoes {' '.join(found.sure_mends)}", file=sys.stderr)
+    _say_mends(path, found, as_found)
     return loaded, found
 
 
@@ -58,9 +56,9 @@ def request(arguments: argparse.Namespace, loaded: Recording | None) -> ReplayRe
     return ReplayRequest(arguments.file, axis, arguments.period_us, arguments.seconds, decimate, loaded=loaded)
 
 
-def said_first(paths: Iterable[Path]) -> dict[str, dict[str, object]]:
-    """For JSON: what was found in each file, by its name; the faults go to stderr. A file that cannot be read is left
-    out: whoever uses it says so."""
+def said_first(paths: Iterable[Path], as_found: bool) -> dict[str, dict[str, object]]:
+    """For JSON: what was found in each file, by its name, and what is undone; both go to stderr. A file that cannot be
+    read is left out: whoever uses it says so."""
     from plumb.audit.audited_files import audited
     from plumb.errors import UsageError
 
@@ -69,13 +67,21 @@ def said_first(paths: Iterable[Path]) -> dict[str, dict[str, object]]:
         with contextlib.suppress(UsageError):
             one = audited(path)
             _say_faults(path, one)
-            found[path.name] = told(one, as_found=False)
+            _say_mends(path, one, as_found)
+            found[path.name] = told(one, as_found)
     return found
 
 
 def _say_faults(path: Path, found: Audit) -> None:
     for one in found.faults:
         print(f"plumb: warning: {path.name}: {one.line}", file=sys.stderr)
+
+
+def _say_mends(path: Path, found: Audit, as_found: bool) -> None:
+    if as_found:
+        print(f"{path.name} as found: {' '.join(found.sure_mends) or 'nothing to undo'}", file=sys.stderr)
+    elif found.sure_mends:
+        print(f"plumb: warning: {path.name}: --as-found undoes {' '.join(found.sure_mends)}", file=sys.stderr)
 
 
 def told(found: Audit, as_found: bool) -> dict[str, object]:

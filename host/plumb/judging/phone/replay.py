@@ -21,7 +21,7 @@ def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[st
     given = request.tuning or phone.TUNINGS[phone.DEFAULT_TUNING]
     assert isinstance(given, PhoneTuning)
     params = quantise(replace(given, period_us=period_us))
-    steps, intake, recorded = udp.steps_of_file(request.file, period_us, request.decimate)
+    steps, intake, recorded = udp.steps_of_file(request.file, period_us, request.decimate, request.loaded)
     longest = live_run.longest_run(steps)
     if request.seconds is not None:
         longest = longest[: recording.steps_in(request.seconds, period_us, len(longest))]

@@ -213,16 +213,16 @@ def is_recording(path: Path) -> bool:
 
 
 def steps_of_file(
-    path: Path, period_us: int, decimate: int = 1
+    path: Path, period_us: int, decimate: int = 1, loaded: recording.Recording | None = None
 ) -> tuple[list[Step], Intake, recording.Recording | None]:
     """A recording of plumb's own formats, or a file of an app's datagrams, as steps; all runs of it. decimate: samples
-    of a block of a recording, whose mean is taken first.
+    of a block of a recording, whose mean is taken first. loaded: the recording, where it is read already.
 
     Raises UsageError for a file that is neither, or that makes no step.
     """
     intake, recorded = Intake(period_us), None
-    if is_recording(path):
-        recorded = recording.decimated(recording.load(path), decimate)
+    if loaded is not None or is_recording(path):
+        recorded = recording.decimated(loaded or recording.load(path), decimate)
         made = (step for sample in samples_of(recorded) for step in intake.resampler.feed(sample))
     else:
         if decimate != 1:
