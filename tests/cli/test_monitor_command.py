@@ -20,6 +20,7 @@ from plumb.contract.parameters import ControlParams
 from plumb.link import monitor
 from plumb.link.session import Session
 from plumb.spec import declarations, parameters
+from plumb.spec.signals import signals
 from support.native_board import UartBoard
 
 RAW = (1690, 2300, 3000, 0, 0, 0)
@@ -290,6 +291,11 @@ def test_a_line_of_a_vehicle_has_its_angles_all_motors_and_its_phase_in_words(
         r"  yaw \S+ deg  pitch \S+ deg  roll \S+ deg  pulses 1000.0 1000.0 1000.0 1000.0 us  phase: ", line
     )
     assert "attitude_" not in line and "pulse_2" not in line
+    assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "0.5", "--json"]) == 0
+    snapshot = json.loads(capsys.readouterr().out.splitlines()[-1])
+    declared = [column for _, column, _ in signals("quadrotor")]
+    shown = [name for name in snapshot if name in declared]
+    assert shown == declared, "signals in declared order"
 
 
 def test_a_choice_is_named_as_its_declaration_says() -> None:

@@ -83,8 +83,8 @@ def line(s: Snapshot) -> str:
         ("velocity", s["velocity_mps"], "m/s"),
         *(
             (name, s[name], "")
-            for name in columns()
-            if name not in {*LINE_COLUMNS, *s["choices"]} and not PULSE.fullmatch(name)
+            for name in s
+            if name in columns() and name not in {*LINE_COLUMNS, *s["choices"]} and not PULSE.fullmatch(name)
         ),
     ]
     words = [f"{s['time_s']:.2f} s", f"{mode(s)} {armed(s)}"]

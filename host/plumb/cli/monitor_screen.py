@@ -25,6 +25,7 @@ WINDOWS_S = (10, 30, 60, 120)
 NOT_SHOWN = {*QUATERNION, "flags"}
 """Columns without a row: a quaternion is shown as yaw, pitch and roll; what flags say, the lines below say."""
 EULER = ("yaw_deg", "pitch_deg", "attitude_roll_deg")
+"""Rows of an attitude, which stand first."""
 BLOCKS, ASCII_BLOCKS = "▁▂▃▄▅▆▇█", "_.-=+*%@"
 NARROWEST_COURSE, WIDEST_COURSE = 10, 100
 ROW_WIDTH = 58
@@ -124,7 +125,7 @@ class Screen:
     def _note(self, s: Snapshot, extremes: Extremes) -> dict[str, float | None]:
         """The values of the rows of a look, added to their course."""
         values: dict[str, float | None] = {
-            name: s[name] for name in columns() if name not in {*NOT_SHOWN, *s["choices"]}
+            name: s[name] for name in s if name in columns() and name not in {*NOT_SHOWN, *s["choices"]}
         }
         if s["attitude"]:
             values.update(zip(EULER, angles_deg(s["attitude"]), strict=True))
@@ -162,7 +163,7 @@ class Screen:
         for title in ("", "now", "", "min", "max"):
             table.add_column(title, justify="left" if title == "" else "right", no_wrap=True)
         table.add_column(f"last {self.window_s} s", no_wrap=True)
-        for column in (*(name for name in values if name not in EULER), *EULER):
+        for column in (*EULER, *(name for name in values if name not in EULER)):
             if column not in self._course:
                 continue
             name, unit = name_and_unit(column.removeprefix("attitude_"))

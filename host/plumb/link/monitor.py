@@ -161,8 +161,11 @@ class Monitor:
         return self.session.protocol[name].decode(entry[1])
 
     def _values(self) -> dict[str, float | None]:
-        """Every column; None for a signal that is not received at present."""
-        values: dict[str, float | None] = dict.fromkeys(columns())
+        """Every column, those of the present system first in declared order; None for a signal that is not received at
+        present."""
+        system = self.session.parameters.uploaded
+        own = [] if system is None else [column for _, column, _ in signals(system)]
+        values: dict[str, float | None] = dict.fromkeys((*own, *columns()))
         for system in declarations.names():
             for (message, signal), column, scale in signals(system):
                 said = self._fresh(message)
