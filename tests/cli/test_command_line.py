@@ -95,7 +95,7 @@ SHORT = [*RUN, "--seconds", "0.1"]
         (["monitor", "--board", "can:socketcand:127.0.0.1:99999:can0"], 2, "can:socketcand:HOST:PORT:CHANNEL"),
         (["record", "--bus", "udp:65536", "--out", "a.asc"], 2, "a port is a number up to 65535"),
         # files
-        (["replay", "/", "--board", "native"], 2, "cannot read /: it is a folder"),
+        (["replay", "/", "--board", "native"], 2, "/ holds no table of a gyro and an accelerometer"),
         (["replay", f"{NOT_TEXT}.csv", "--board", "native"], 2, r"n\udcff\udcfe.csv needs columns"),
         (["replay", "garbage.npz", "--board", "native"], 2, "damaged"),
         (["virtual-board", "--keep", "nowhere/board.flash"], 2, "there is no folder nowhere"),

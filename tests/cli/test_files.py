@@ -22,6 +22,7 @@ from plumb.errors import UsageError
 from plumb.files import input_files, whole_files
 from plumb.link.transports import serial_ports
 from plumb.readers import recording, recording_files
+from plumb.readers.imu_files import tables
 from plumb.writers.recorder import FrameLog
 
 FULL = Path("/dev/full")
@@ -176,12 +177,12 @@ def test_stamps_far_apart_do_not_make_more_steps_than_memory(tmp_path: Path) -> 
 
 
 def test_a_long_table_stops_at_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording_files, "MOST_SAMPLES", 100)
-    path = tmp_path / "long.csv"
-    path.write_text("time_s\n" + "1\n" * 100)
-    with pytest.raises(UsageError, match="needs columns"):
-        list(recording_files.pieces(path))
-    path.write_text("time_s\n" + "1\n" * 101)
+    monkeypatch.setattr(tables, "MOST_SAMPLES", 100)
+    path, header = tmp_path / "long.csv", "time_s,gyr_x_dps,gyr_y_dps,gyr_z_dps,acc_x_g,acc_y_g,acc_z_g\n"
+    row = ",0,0,0,0,0,1\n"
+    path.write_text(header + "".join(f"{0.01 * at:.2f}{row}" for at in range(100)))
+    assert list(recording_files.pieces(path))
+    path.write_text(header + "".join(f"{0.01 * at:.2f}{row}" for at in range(101)))
     with pytest.raises(UsageError, match="more than 100 samples"):
         list(recording_files.pieces(path))
 

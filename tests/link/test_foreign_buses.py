@@ -342,7 +342,8 @@ def test_a_second_client_is_turned_away_at_once_and_the_first_stays() -> None:
         line.write(b"t3048" + bytes(GOOD.data).hex().upper().encode() + b"\r")
         answer = first.recv(WAIT_S)
     assert answer is not None and bytes(answer.data) == bytes(GOOD.data)
-    assert b"".join(received) == b"\rC\rO\r"  # nothing of what the second said
+    # What the first says when it opens, the order to wait for it among it, and nothing of what the second said.
+    assert b"".join(received) == b"\rC\rO\rWAIT\r"
     line.close()
 
 

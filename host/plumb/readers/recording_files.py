@@ -63,7 +63,7 @@ def pieces(path: Path, given_text: str = NOTHING.text) -> Iterator[bytes]:
     taken: list[str] = []
     given = of_text(given_text)
     if path.is_dir():
-        columns = table_sets.read(path.name, table_sets.of_folder(path), given, taken)
+        columns = table_sets.read(path.name or str(path), table_sets.of_folder(path), given, taken)
     elif _begins_with(path, ulog.MAGIC):
         columns = ulog.read(path, taken)
     elif _is_zip_of_tables(path):
