@@ -28,6 +28,11 @@ FAULT_HANDLER(hard_fault_handler, 3)
 FAULT_HANDLER(bus_fault_handler, 5)
 FAULT_HANDLER(usage_fault_handler, 6)
 
+void svcall_handler(void);
+__attribute__((naked)) void svcall_handler(void) {
+    __asm volatile("mvn lr, #14\n bx lr\n"); /* as if a handler had been interrupted */
+}
+
 int main(void) {
     results[1] = 0;
     if (results[7]) {
@@ -68,6 +73,9 @@ int main(void) {
         break;
     case 8:
         __asm volatile("mov sp, %0\n udf #2\n" ::"r"(0x1000U));
+        break;
+    case 9:
+        __asm volatile("svc 0");
         break;
     default:
         break;

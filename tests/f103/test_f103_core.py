@@ -306,3 +306,59 @@ def test_without_unicorn_the_extra_is_named() -> None:
     host = str(Path(__file__).parents[2] / "host")
     said = subprocess.run([sys.executable, "-c", program, host], capture_output=True, text=True, check=True)
     assert said.stdout == f"the virtual board needs unicorn; install it {install_hint('virtual')}\n"
+
+
+def test_tasks_on_process_stacks_take_turns(board: NewBoard) -> None:
+    b = board("tasks")
+    b.machine.advance_us(50_000)
+    switches = b.result(7)
+    assert switches == 49, "one at each SysTick of 1 ms, whose first is a little after 1 ms"
+    assert min(b.result(0), b.result(1)) > 0.9 * max(b.result(0), b.result(1)) > 1000
+    assert (b.result(4), b.result(5)) == (2, 2), "tasks run on the process stack"
+    assert b.result(6) == 0, "a handler runs on the main stack"
+    assert (b.result(8), b.result(9)) == (0, 0), "r8 of a task survives, and main is never returned to"
+
+
+def test_snapshots_keep_both_stack_pointers(board: NewBoard) -> None:
+    b = board("tasks")
+    b.machine.advance_us(10_500)
+    kept = b.machine.snapshot()
+    b.machine.advance_us(20_000)
+    first = bytes(b.machine.cpu.ram)
+    b.machine.restore(kept)
+    b.machine.advance_us(20_000)
+    assert bytes(b.machine.cpu.ram) == first
+
+
+def test_an_exc_return_that_contradicts_the_active_exceptions_is_a_usage_fault(board: NewBoard) -> None:
+    b = board("fault")
+    b.ask(0, 9)
+    b.ask(7, 1)
+    b.machine.advance_us(20)
+    assert (b.result(2), b.result(4)) == (FAULT_USAGE, 1 << 18), "INVPC"
+
+
+def test_bit_band_words_are_single_bits_of_ram_and_registers(board: NewBoard) -> None:
+    b = board("bits")
+    b.ask(8, 0)
+    b.ask(9, 0)
+    b.machine.advance_us(1000)
+    assert b.result(0) == 101
+    assert b.result(1) == 0x80100080
+    assert b.result(2) == 0x4004
+    assert b.result(3) == 1 and b.machine.pin("PA0") is True
+    assert (b.result(4), b.result(10)) == (1, 1)
+
+
+def test_a_bit_band_word_without_memory_behind_it_is_a_fault_or_named(board: NewBoard) -> None:
+    from plumb.f103 import SimulationError
+
+    behind = board("bits")
+    behind.ask(8, 1)
+    behind.machine.advance_us(1000)
+    assert behind.machine.scb.bfar == 0x22000000 + 32 * 20480
+    unknown = board("bits")
+    unknown.ask(8, 0)
+    unknown.ask(9, 1)
+    with pytest.raises(SimulationError, match="0x40005C00"):
+        unknown.machine.advance_us(1000)

@@ -213,6 +213,7 @@ class Machine:
         for base, size in ((0x40000000, CRC_BASE - 0x40000000), (0xE0000000, 0x100000)):
             self.cpu.map_registers(base, size, self.bus)
         self.cpu.map_registers(CRC_BASE, 0x1000, self.bus, self.crc)
+        self.cpu.map_bit_bands(self.bus)
 
     def _fill_memory(self, image: bytes) -> None:
         cpu = self.cpu

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from plumb.errors import UsageError
 from plumb.extras import install_hint
+from plumb.f103.core import bit_band
 from plumb.f103.core import scb as core
 from plumb.f103.core.bus import Bus, SimulationError
 from plumb.f103.core.crc_loop import AHEAD_BYTES, BEFORE, CODE_BYTES, INSTRUCTIONS, TURN_BYTES, CrcLoop, crc_loop
@@ -44,6 +45,7 @@ try:
         UC_ARM_REG_LR,
         UC_ARM_REG_PC,
         UC_ARM_REG_PRIMASK,
+        UC_ARM_REG_PSP,
         UC_ARM_REG_R0,
         UC_ARM_REG_R1,
         UC_ARM_REG_R2,
@@ -72,6 +74,8 @@ CYCLES_PER_INSTRUCTION = (3, 2)
 ENTRY_CYCLES, RETURN_CYCLES, TAIL_CHAIN_CYCLES = 12, 10, 6
 FLASH_BASE, RAM_BASE, SYSTEM_BASE = 0x08000000, 0x20000000, 0x1FFFF000
 _READ_CALLBACK = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint, ctypes.c_void_p)
+_OnRead = Callable[[int, int, int, int], int]
+_OnWrite = Callable[[int, int, int, int, int], None]
 _WRITE_CALLBACK = ctypes.CFUNCTYPE(
     None, ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint, ctypes.c_uint64, ctypes.c_void_p
 )
@@ -91,6 +95,11 @@ STACKED = (
 )
 FRAME = struct.Struct("<8I")
 _EXCEPTION_SVC, _EXCEPTION_RETURN = 2, 8
+TO_HANDLER, TO_THREAD, TO_THREAD_OF_PROCESS = 0xFFFFFFF1, 0xFFFFFFF9, 0xFFFFFFFD
+"""EXC_RETURN: where an exception returns to; the last one pops its frame from the process stack (Armv7-M B1.5.8)."""
+EXC_RETURNS = TO_HANDLER, TO_THREAD, TO_THREAD_OF_PROCESS
+NOT_PRIVILEGED, ON_PROCESS_STACK = 1, 2
+"""CONTROL, in thread mode."""
 _DATA_FAULTS = (UC_ERR_READ_UNMAPPED, UC_ERR_WRITE_UNMAPPED, UC_ERR_WRITE_PROT)
 _FETCH_FAULTS = (UC_ERR_FETCH_UNMAPPED, UC_ERR_FETCH_PROT)
 
@@ -203,7 +212,45 @@ class Cpu:
             else:
                 write(uc, offset, width, value, user)
 
-        callbacks = _READ_CALLBACK(read), _WRITE_CALLBACK(write if crc is None else write_word)
+        self._map_calls(base, size, read, write if crc is None else write_word)
+
+    def map_bit_bands(self, bus: Bus) -> None:
+        """The aliases of RAM and of the peripherals."""
+
+        def read_ram(offset: int, width: int) -> int:
+            return int.from_bytes(self.ram[offset : offset + width], "little")
+
+        def write_ram(offset: int, width: int, value: int) -> None:
+            self.ram[offset : offset + width] = value.to_bytes(width, "little")
+
+        ram_bytes, register_bytes = (
+            bit_band.WORDS_PER_BYTE_BYTES * size for size in (len(self.ram), bit_band.PERIPHERAL_BYTES)
+        )
+        regions: tuple[tuple[int, int, int, bit_band.Read, bit_band.Write], ...] = (
+            (bit_band.RAM_ALIAS, ram_bytes, 0, read_ram, write_ram),
+            (bit_band.PERIPHERAL_ALIAS, register_bytes, bit_band.PERIPHERALS, bus.read, bus.write),
+        )
+        for alias, size, base, read, write in regions:
+            self._map_alias(alias, size, bit_band.reader(base, read), bit_band.writer(base, read, write))
+
+    def _map_alias(self, alias: int, size: int, read_bit: bit_band.Read, write_bit: bit_band.Write) -> None:
+        def read(_uc: int, offset: int, width: int, _user: int) -> int:
+            try:
+                return read_bit(offset, width)
+            except BaseException as error:
+                return self._raise_later(error)
+
+        def write(_uc: int, offset: int, width: int, value: int, _user: int) -> None:
+            try:
+                write_bit(offset, width, value)
+            except BaseException as error:
+                self._raise_later(error)
+
+        self._map_calls(alias, size, read, write)
+
+    def _map_calls(self, base: int, size: int, read: _OnRead, write: _OnWrite) -> None:
+        """Have Unicorn call these for accesses from `base` on."""
+        callbacks = _READ_CALLBACK(read), _WRITE_CALLBACK(write)
         self._callbacks += callbacks
         read_at, write_at = (ctypes.cast(callback, ctypes.c_void_p) for callback in callbacks)
         if uclib.uc_mmio_map(self._handle, base, size, read_at, 0, write_at, 0):
@@ -362,8 +409,8 @@ class Cpu:
         machine = self.machine
         *frame, xpsr, control = self._before.read()
         stack = self.stack
-        if not machine.nvic.active and control & 3:
-            raise SimulationError("CONTROL selects the process stack or unprivileged mode: not modelled")
+        if control & NOT_PRIVILEGED:
+            raise SimulationError(f"CONTROL = {control} selects unprivileged mode, which is not modelled")
         odd = stack & 4 if machine.scb.ccr & 1 << 9 else 0
         top = stack - odd - FRAME.size
         if self._in_ram(top):
@@ -375,7 +422,22 @@ class Cpu:
             if number not in (NMI, HARD_FAULT):
                 machine.scb.hfsr |= core.HFSR_FORCED
                 number = HARD_FAULT
-        self._vector(number, top & 0xFFFFFFFC, 0xFFFFFFF1 if machine.nvic.active else 0xFFFFFFF9, ENTRY_CYCLES)
+        stack, exc_return = top & 0xFFFFFFFC, TO_HANDLER if machine.nvic.active else TO_THREAD
+        if control & ON_PROCESS_STACK:
+            stack, exc_return = self._to_main_stack(stack), TO_THREAD_OF_PROCESS
+        self._vector(number, stack, exc_return, ENTRY_CYCLES)
+
+    def _to_main_stack(self, process_stack: int) -> int:
+        """Still in thread mode: keep the process stack's pointer, and return that of the main stack, which is in use
+        from now on."""
+        self.uc.reg_write(UC_ARM_REG_SP, process_stack)
+        self.uc.reg_write(UC_ARM_REG_CONTROL, 0)
+        return int(self.uc.reg_read(UC_ARM_REG_SP))
+
+    def _to_process_stack(self, xpsr: int) -> None:
+        """Back in thread mode, in which CONTROL selects the stack."""
+        self.uc.reg_write(UC_ARM_REG_XPSR, xpsr)
+        self.uc.reg_write(UC_ARM_REG_CONTROL, ON_PROCESS_STACK)
 
     def _vector(self, number: int, stack: int, exc_return: int, cycles: int) -> None:
         machine = self.machine
@@ -396,8 +458,9 @@ class Cpu:
             self.uc.reg_write(UC_ARM_REG_FAULTMASK, 0)
             self._faultmask = 0
         exc_return = self.pc | 1
-        if exc_return not in (0xFFFFFFF1, 0xFFFFFFF9):
-            raise SimulationError(f"exception return 0x{exc_return:08X} is not modelled")
+        if (exc_return == TO_HANDLER) is not bool(machine.nvic.active) or exc_return not in EXC_RETURNS:
+            self._refuse_return(exc_return)
+            return
         if machine.timeline.next <= self.base:
             machine.timeline.run_due(self.base)
         number = machine.nvic.candidate()
@@ -405,16 +468,31 @@ class Cpu:
         if number and self.takes(number):
             self._vector(number, stack, exc_return, TAIL_CHAIN_CYCLES)
             return
+        if exc_return == TO_THREAD_OF_PROCESS:
+            stack = int(self.uc.reg_read(UC_ARM_REG_PSP))
         if not self._in_ram(stack):
             self._lock_up(f"exception return with the stack pointer at 0x{stack:08X}, outside RAM")
             return
         frame = FRAME.unpack_from(self.ram, stack - RAM_BASE)
+        if exc_return == TO_THREAD_OF_PROCESS:
+            self._to_process_stack(frame[7] & ~(1 << 9))
         above = stack + FRAME.size + (4 if frame[7] & 1 << 9 else 0)
         self._after.write(frame[7] & ~(1 << 9), *frame[:6], above)
         self.pc, self.stack = frame[6], above
         self.base += RETURN_CYCLES * machine.rcc.hclk_ticks
         if machine.scb.scr & 2 and not machine.nvic.active:
             self.sleeping = True
+
+    def _refuse_return(self, exc_return: int) -> None:
+        """EXC_RETURN is none, or contradicts the active exceptions: a usage fault, entered in place of the return
+        (Armv7-M B1.5.8)."""
+        self.machine.scb.cfsr |= core.CFSR_INVPC
+        if self._lets(USAGE_FAULT):
+            number = USAGE_FAULT
+        else:
+            number = HARD_FAULT
+            self.machine.scb.hfsr |= core.HFSR_FORCED
+        self._vector(number, self.stack, 0xF0000000 | exc_return & 0x0FFFFFFF, TAIL_CHAIN_CYCLES)
 
     def _fault(self, error: int) -> None:
         """A bad address or instruction: the fault the core would take, or lock-up when it cannot."""
@@ -435,15 +513,20 @@ class Cpu:
             raise SimulationError(f"Unicorn stopped with error {error} at 0x{self.pc:08X}")
 
     def _synchronous(self, number: int) -> None:
-        nvic = self.machine.nvic
-        current = nvic.execution_priority()
-        if not (nvic.enabled >> number & 1 and nvic.group_priority(number) < current and self.takes(number)):
+        current = self.machine.nvic.execution_priority()
+        if not self._lets(number):
             self.machine.scb.hfsr |= core.HFSR_FORCED
             number = HARD_FAULT
             if current <= -1 or not self.takes(number):
                 self._lock_up(f"fault inside the fault handler, pc 0x{self.pc:08X}")
                 return
         self.enter(number)
+
+    def _lets(self, number: int) -> bool:
+        """True when this fault may preempt the running code; else it becomes a hard fault."""
+        nvic = self.machine.nvic
+        above = nvic.group_priority(number) < nvic.execution_priority()
+        return bool(nvic.enabled >> number & 1 and above and self.takes(number))
 
     def _lock_up(self, why: str) -> None:
         self.locked_up = why

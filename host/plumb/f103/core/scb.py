@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from plumb.f103.core.mcu import Mcu
 
 CFSR_PRECISERR, CFSR_STKERR, CFSR_BFARVALID, CFSR_IBUSERR = 1 << 9, 1 << 12, 1 << 15, 1 << 8
-CFSR_UNDEFINSTR, HFSR_FORCED, HFSR_VECTTBL = 1 << 16, 1 << 30, 1 << 1
+CFSR_UNDEFINSTR, CFSR_INVPC, HFSR_FORCED, HFSR_VECTTBL = 1 << 16, 1 << 18, 1 << 30, 1 << 1
 
 
 class Scb(Peripheral):
