@@ -1,4 +1,4 @@
-"""plumb.Estimator and plumb.load warn of what is surely wrong, once a call, and of nothing else."""
+"""plumb.Estimator and plumb.load warn of what is surely wrong and of nothing else, once for each recording."""
 
 from __future__ import annotations
 
@@ -75,3 +75,32 @@ def test_load_warns_once_of_what_is_surely_wrong(tmp_path: Path) -> None:
     with pytest.warns(plumb.RecordingWarning, match=r"^bad\.npz: gyro-axes: sure") as caught:
         plumb.load(tmp_path / "bad.npz")
     assert len(caught) == 1 and caught[0].filename == __file__
+
+
+def test_an_estimator_does_not_repeat_what_load_said(tmp_path: Path) -> None:
+    gyr, acc = moved()
+    np.savez(tmp_path / "bad.npz", gyr=gyr @ MIRROR, acc=acc @ MIRROR, rate_hz=100.0)
+    with pytest.warns(plumb.RecordingWarning) as caught:
+        loaded = plumb.load(tmp_path / "bad.npz")
+    assert len(caught) == 1
+    assert said(loaded.gyr_radps, loaded.acc_mps2) == []
+    assert said(loaded.gyr_radps[500:], loaded.acc_mps2[500:]) == []
+    assert len(said(loaded.gyr_radps, loaded.acc_mps2 / G)) == 1  # a fault of the caller's own
+    with pytest.warns(plumb.RecordingWarning):  # who reads the file again is warned again
+        plumb.load(tmp_path / "bad.npz")
+
+
+def test_a_sweep_over_the_same_arrays_warns_once() -> None:
+    gyr, acc = moved()
+    mirrored = np.concatenate([gyr @ MIRROR, acc @ MIRROR], axis=1)
+    assert [len(said(mirrored[:, :3], mirrored[:, 3:])) for _ in range(3)] == [1, 0, 0]
+    mirrored[:, 3:] /= G  # in place: another fault of the same recording is said
+    (one,) = said(mirrored[:, :3], mirrored[:, 3:])
+    assert "accelerometer-units: sure" in one and "gyro-axes" not in one
+
+
+def test_arrays_that_come_later_are_judged_anew() -> None:
+    """Nothing is kept of arrays that are gone, whose place in memory others may take."""
+    gyr, acc = moved()
+    for _ in range(3):
+        assert len(said((gyr @ MIRROR).astype(np.float32), (acc @ MIRROR).astype(np.float32))) == 1

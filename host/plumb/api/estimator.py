@@ -241,7 +241,8 @@ class Estimator:
 
         Warns:
             RecordingWarning: Units or axes of `gyr_radps` and `acc_mps2` are surely wrong, in 2 s or more of samples of
-                systems that use both: seen in the 2000 samples with most turning.
+                systems that use both: seen in the 2000 samples with most turning. Each is said once of the same arrays,
+                and of their parts.
 
         Raises:
             UsageError: A shape other than (N, 3), a number that is not finite, or a sensor that is missing or that the
@@ -250,7 +251,7 @@ class Estimator:
         raw = self.counts(gyr_radps, acc_mps2, ang_radps2=ang_radps2, channels=channels)
         if acc_mps2 is not None:
             given = self._inputs({"gyr": gyr_radps, "acc": acc_mps2, "ang": ang_radps2})
-            warned.warn_of_arrays(given["gyr"], given["acc"], self.period_s, stacklevel=2)
+            warned.warn_of_arrays(given["gyr"], given["acc"], self.period_s, 2, (gyr_radps, acc_mps2))
         words = native_core.run_control(self.params, raw, np.zeros(len(raw), np.int32))
         return Estimate(words, raw, self.period_s)
 

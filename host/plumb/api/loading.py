@@ -31,7 +31,8 @@ def load(path: Path | str, *, run: int | None = None, params: Path | str | None 
 
     Warns:
         RecordingWarning: `plumb check` is sure that something is wrong with a recording in units. It is read as it is,
-            without rows that are the same as the one before, and with stamps that a batch shares spread.
+            without rows that are the same as the one before, and with stamps that a batch shares spread. An estimator
+            that is given its arrays, or parts of them, does not say it again.
 
     Raises:
         UsageError: A file that cannot be read, or that holds something else; one sentence says what.
@@ -48,11 +49,13 @@ def load(path: Path | str, *, run: int | None = None, params: Path | str | None 
     warned.warn_of(audit.findings, given.name, stacklevel=2)
     for sentence in found.notes:
         warnings.warn(f"{given.name}: {sentence}", RecordingWarning, stacklevel=2)
+    gyr_radps, acc_mps2 = np.radians(found.gyr_dps), found.acc_g * recording.G_MPS2
+    warned.remember(audit.findings, gyr_radps, acc_mps2)
     return Recording(
         found.path,
         found.time_s,
-        np.radians(found.gyr_dps),
-        found.acc_g * recording.G_MPS2,
+        gyr_radps,
+        acc_mps2,
         found.ref_quat,
         found.movement,
     )
