@@ -113,7 +113,7 @@ def frame_object(size: int = 48, version: int = 1) -> bytes:
 def test_a_small_blf_that_would_take_minutes_or_gigabytes(
     objects: bytes, compressed: bool, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a fifth of the time for the loop alone; the output ends at a 32nd, on a slow machine long before the time."""
+    """With a fifth of the time for the loop alone; the output ends at a 32nd, on a slow machine long before it."""
     shipped = Limits.of
 
     def of(limits: Limits, size: int) -> tuple[float, int, int, int]:
