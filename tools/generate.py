@@ -29,8 +29,8 @@ from plumb.errors import UsageError  # noqa: E402
 from plumb.spec import declarations, images, imu_chips, tool_dbc  # noqa: E402
 
 BUILT = {
-    "chips.c", "messages.c", "messages.h", "params.c", "params.h", "pin_sets.h", "record_names.h", "record_places.c",
-    "used_parts.h",
+    "chips.c", "messages.c", "messages.h", "outputs.h", "params.c", "params.h", "pin_sets.h", "record_names.h",
+    "record_places.c", "sensor_kinds.h", "used_parts.h",
 }  # fmt: skip
 """Of firmware/generated: made in each build, and not committed."""
 

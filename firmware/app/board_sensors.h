@@ -2,11 +2,9 @@
 #ifndef PLUMB_BOARD_SENSORS_H
 #define PLUMB_BOARD_SENSORS_H
 
-#include "generated/used_parts.h"
+#include "generated/used_parts.h" /* BOARD_RAW_MAX */
 #include <stdbool.h>
 #include <stdint.h>
-
-#define BOARD_RAW_MAX (USED_WHEELS ? 9U : 6U) /* raw counts of one sample; a system uses the first few */
 
 /* Which sensors a tick samples. */
 typedef enum {

@@ -12,6 +12,7 @@
 #include "board_links.h"
 #include "board_sensors.h"
 #include "generated/messages.h"
+#include "generated/outputs.h"
 #include "generated/used_parts.h"
 #include "link/session.h"
 #include "link/stepping.h"
@@ -62,13 +63,13 @@ static void actuate(void) {
     const control_system_t *const system = control_system(&params.control);
     const int32_t *const out = control_words(&control) + system->output_word;
 
-    if (USED_PULSES && system->output == CONTROL_OUTPUT_PULSES) {
+    if (control_drives_pulses(system->output)) {
         board_set_actuator((const uint32_t *)out);
-    } else if (USED_ROTORS && system->output == CONTROL_OUTPUT_ROTORS) {
+    } else if (control_drives_rotors(system->output)) {
         board_set_rotors((const uint32_t *)out);
-    } else if (USED_BRIDGE && system->output == CONTROL_OUTPUT_BRIDGE) {
+    } else if (control_drives_bridge(system->output)) {
         board_set_bridge(out[0]);
-    } else if (USED_WHEELS && system->output == CONTROL_OUTPUT_WHEELS) {
+    } else if (control_drives_wheels(system->output)) {
         board_set_wheels(out);
     }
 }

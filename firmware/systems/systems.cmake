@@ -5,7 +5,8 @@
 # folders of PLUMB_SYSTEM_PATH, a cache variable or the environment's. tools/generate.py writes what is generated into the
 # build folder; the C library alone, of the systems of this package, takes the committed files and needs no Python. Sets
 # GENERATED_INCLUDE, SYSTEM_NAMES, IMAGE_FLASH_BYTES and IMAGE_RAM_BYTES; and of these systems with those that they stand on
-# SYSTEM_SOURCES, SYSTEM_INCLUDES and SYSTEM_SOURCES_FOR_SIZE.
+# SYSTEM_SOURCES, SYSTEM_INCLUDES and SYSTEM_SOURCES_FOR_SIZE; and UNUSED_SOURCES, of the parts of a board that they do
+# without.
 set(PLUMB_SYSTEMS "" CACHE STRING "Systems to build, by name, or an image by name; empty: all there are")
 set(PLUMB_SYSTEM_PATH "$ENV{PLUMB_SYSTEM_PATH}" CACHE STRING "Folders that hold folders of further systems")
 
@@ -43,6 +44,7 @@ else()
     unset(SYSTEM_SOURCES)
     unset(SYSTEM_INCLUDES)
     unset(SYSTEM_SOURCES_FOR_SIZE)
+    unset(UNUSED_SOURCES)
     include(${GENERATED_INCLUDE}/generated/systems.cmake)
 endif()
 

@@ -67,6 +67,8 @@ HANDLERS = {
     "i2c_event_handler": "I2C1_EV",
     "i2c_error_handler": "I2C1_ER",
     "uart_handler": "USART1",
+    "ppm_capture_handler": "TIM1_CC",
+    "receiver_uart_handler": "USART3",
 }
 """Handler in the vector table -> the vendor's name of its interrupt."""
 PROCESSOR_VECTORS = 16

@@ -8,7 +8,6 @@
 #include "app/board_sensors.h"
 #include "clock.h"
 #include "core/watch.h"
-#include "generated/used_parts.h"
 #include "idle.h"
 #include "nvic.h"
 #include "samples.h"
@@ -37,9 +36,6 @@ static bool calibrated = true;
 static uint32_t started_ms;
 
 void adc_stop(void) {
-    if (!USED_ANALOG) {
-        return;
-    }
     DMA1_CCR1 = 0U;
     DMA1_IFCR = DMA1_IFCR_CGIF1;
     nvic_forget(IRQ_DMA1_Channel1);
@@ -98,7 +94,7 @@ void adc_start(const board_sensors_t *sensors, uint32_t interval_us) {
 }
 
 bool adc_failed(void) {
-    return USED_ANALOG && (!calibrated || silent_triggers >= SILENT_TRIGGERS);
+    return !calibrated || silent_triggers >= SILENT_TRIGGERS;
 }
 
 void adc_poll(void) {
@@ -111,9 +107,6 @@ void adc_poll(void) {
 }
 
 void adc_triggered(bool begins_sample) {
-    if (!USED_ANALOG) {
-        return;
-    }
     if (silent_triggers < SILENT_TRIGGERS) {
         silent_triggers++;
     }
@@ -138,9 +131,6 @@ static void publish(void) {
 }
 
 void adc_on_scan(void) {
-    if (!USED_ANALOG) {
-        return;
-    }
     const uint32_t both = DMA1_ISR_HTIF1 | DMA1_ISR_TCIF1;
     const bool overrun = (DMA1_ISR & both) == both;
     DMA1_IFCR = DMA1_IFCR_CGIF1;
@@ -181,6 +171,6 @@ void adc_on_scan(void) {
 }
 
 void adc_health(board_health_t *health) {
-    health->railed = USED_ANALOG ? railed : 0U;
-    health->stuck = USED_ANALOG ? stuck : 0U;
+    health->railed = railed;
+    health->stuck = stuck;
 }

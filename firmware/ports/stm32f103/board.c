@@ -10,20 +10,16 @@
 #include "core/digest.h"
 #include "entropy.h"
 #include "faults.h"
-#include "generated/used_parts.h"
 #include "guard.h"
-#include "i2c.h"
-#include "idle.h"
 #include "image_header.h"
+#include "imu.h"
 #include "linker.h"
 #include "motors.h"
 #include "pins.h"
-#include "ppm_capture.h"
 #include "pwm.h"
-#include "receiver_uart.h"
+#include "receiver_lines.h"
 #include "ride.h"
 #include "samples.h"
-#include "spi.h"
 #include "stall.h"
 #include "stm32f103.h"
 #include "strap.h"
@@ -35,7 +31,6 @@ BOARD_GUARDED static uint32_t start_faults; /* BOARD_FAULT_*, decided once */
 static board_identity_t identity;           /* told to hosts; what it decided at the start is in registers */
 
 #define SIZE_UNREADABLE 0xffffU
-#define ERRORS_MAX      255U
 
 /* Reads the device signature (RM0008 30) before the clock rises from 8 MHz: at 72 MHz some chips return all
  * ones, and a few always do. The device id register (DBGMCU_IDCODE) reads 0 without a debugger (erratum), so
@@ -110,38 +105,19 @@ void board_init(const board_setup_t *setup) {
     if (board_pins_wheels(driven)) {
         motors_clear_faults(); /* of the break input, which floated before its pull resistor was on */
     }
-    if (USED_DIGITAL) {
-        i2c_init();
-        spi_init();
-    }
+    imu_init();
 }
 
 const board_identity_t *board_identity(void) {
     return &identity;
 }
 
-#if USED_ACTUATORS
-bool board_work_waits(void) {
-    const bool news = idle_news;
-    if (news) {
-        idle_news = false;
-    }
-    return news || uart_bytes_wait() || can_frame_waits();
-}
-#endif
-
-/* Of the links and of the receiver; stops at 255. */
-static uint32_t all_uart_errors(void) {
-    const uint32_t errors = uart_errors() + receiver_uart_errors();
-    return errors < ERRORS_MAX ? errors : ERRORS_MAX;
-}
-
 uint32_t board_faults(void) {
-    const uint32_t errors = USED_RECEIVER ? all_uart_errors() : uart_errors(), late = samples_late();
+    const uint32_t errors = receiver_uart_errors(uart_errors()), late = samples_late();
     board_health_t health;
     board_sensor_health(&health);
     const bool sensor_bad = (health.railed | health.stuck | health.gyro | health.accel) != BOARD_SENSOR_GOOD;
-    return start_faults | guard_faults() | bridge_faults() | (USED_WHEELS ? motors_faults() : 0U) |
+    return start_faults | guard_faults() | bridge_faults() | motors_faults() |
            (stall_latched() ? BOARD_FAULT_STALLED : 0U) | (errors > 0U ? BOARD_FAULT_UART_OVERRUN : 0U) |
            (adc_failed() ? BOARD_FAULT_ADC : 0U) | (sensor_bad ? BOARD_FAULT_SENSOR : 0U) |
            (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0U) | (late > 0U ? BOARD_FAULT_LATE : 0U) |

@@ -15,7 +15,6 @@
 #include "app/board_guard.h"
 #include "clock.h"
 #include "core/commutation.h"
-#include "generated/used_parts.h"
 #include "nvic.h"
 #include "stall.h"
 #include "stm32f103.h"
@@ -66,9 +65,6 @@ static void preload(uint32_t modes, uint32_t outputs) {
 
 /* Hall edge, or a new duty. */
 void bridge_handler(void) {
-    if (!USED_BRIDGE) {
-        return;
-    }
     TIM2_SR = ~TIM2_SR_CC1IF;
     const uint32_t hall = hall_now();
     hall_edges += (uint32_t)commutation_moved(hall_last, hall);
@@ -137,7 +133,7 @@ void bridge_start(void) {
 }
 
 void bridge_arm(void) {
-    if (USED_BRIDGE && wired) {
+    if (wired) {
         wanted_q15 = 0;
         commutate();
         /* Interrupts off: else SysTick could clear MOE between load and store, and the store would undo it.
@@ -162,7 +158,7 @@ int16_t bridge_hall_count(void) {
 }
 
 bool bridge_on(void) {
-    return USED_BRIDGE && (RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0U && (TIM1_BDTR & TIM1_BDTR_MOE) != 0U;
+    return (RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0U && (TIM1_BDTR & TIM1_BDTR_MOE) != 0U;
 }
 
 /* Reads no memory: the fault handler calls it, too. */
@@ -173,7 +169,7 @@ void bridge_off(void) {
 }
 
 void bridge_clear_faults(void) {
-    if (USED_BRIDGE && wired) {
+    if (wired) {
         TIM1_SR = ~TIM1_SR_BIF; /* stays set while the input is active */
         hall_failed = false;
         commutate(); /* sets hall_failed again when the Hall state is still invalid */
@@ -181,7 +177,7 @@ void bridge_clear_faults(void) {
 }
 
 uint32_t bridge_faults(void) {
-    if (!USED_BRIDGE || !wired) {
+    if (!wired) {
         return 0U;
     }
     return ((TIM1_SR & TIM1_SR_BIF) != 0U ? BOARD_FAULT_BRIDGE : 0U) | (hall_failed ? BOARD_FAULT_HALL : 0U);

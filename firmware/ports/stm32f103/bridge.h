@@ -1,8 +1,10 @@
 /* Three-phase bridge on TIM1, Hall sensors on TIM2. With another pin set than BOARD_PINS_BRIDGE,
- * bridge_init() is not called and the other functions do nothing. */
+ * bridge_init() is not called and the other functions do nothing; an image without a bridge has no bridge.c.
+ */
 #ifndef PLUMB_STM32F103_BRIDGE_H
 #define PLUMB_STM32F103_BRIDGE_H
 
+#include "generated/used_parts.h"
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -13,6 +15,7 @@ void bridge_init(uint32_t dead_time_ns);
 /* Start the Hall sensors. Call after the pins are set up and have settled. */
 void bridge_start(void);
 
+#if USED_BRIDGE
 /* Switch the bridge on, at duty 0. */
 void bridge_arm(void);
 
@@ -32,5 +35,20 @@ bool bridge_on(void);
 int16_t bridge_hall_count(void);
 
 void bridge_handler(void);
+#else
+static inline void bridge_arm(void) {}
+static inline void bridge_off(void) {}
+static inline uint32_t bridge_faults(void) {
+    return 0U;
+}
+static inline void bridge_clear_faults(void) {}
+static inline bool bridge_on(void) {
+    return false;
+}
+static inline int16_t bridge_hall_count(void) {
+    return 0;
+}
+static inline void bridge_handler(void) {}
+#endif
 
 #endif

@@ -3,10 +3,6 @@
 
 volatile bool idle_over;
 
-#if USED_ACTUATORS
-volatile bool idle_news;
-#endif
-
 void board_idle(void) {
     for (;;) {
         /* With interrupts masked, WFI still ends when one is pending, so that no interrupt is missed between

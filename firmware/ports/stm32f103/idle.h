@@ -6,9 +6,6 @@
 #include <stdbool.h>
 
 extern volatile bool idle_over;
-#if USED_ACTUATORS
-extern volatile bool idle_news; /* see idle_tell() */
-#endif
 
 /* Wake the main loop, or keep it from sleeping before its next turn. Called by interrupts and by the loop. */
 static inline void idle_end(void) {
@@ -17,10 +14,13 @@ static inline void idle_end(void) {
 
 /* board_work_waits() is true once more: an interrupt has found what board_sensor_health() tells, and what may
  * be over before the next whole turn. */
-static inline void idle_tell(void) {
 #if USED_ACTUATORS
+extern volatile bool idle_news; /* of work.c */
+static inline void idle_tell(void) {
     idle_news = true;
-#endif
 }
+#else
+static inline void idle_tell(void) {}
+#endif
 
 #endif

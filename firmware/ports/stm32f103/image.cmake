@@ -31,7 +31,10 @@ add_custom_target(build_id BYPRODUCTS ${BUILD_ID}
     COMMAND ${CMAKE_COMMAND} -DSOURCE=${CMAKE_SOURCE_DIR} -DOUTPUT=${BUILD_ID}
             -P ${CMAKE_SOURCE_DIR}/firmware/ports/stm32f103/build_id.cmake)
 
-file(GLOB PORT_SOURCES CONFIGURE_DEPENDS firmware/ports/stm32f103/*.c)
+file(GLOB PORT_SOURCES CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/firmware/ports/stm32f103/*.c)
+foreach(source ${UNUSED_SOURCES})
+    list(REMOVE_ITEM PORT_SOURCES ${source})
+endforeach()
 set(LINKER_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/ports/stm32f103/stm32f103.ld)
 add_executable(firmware firmware/app/loop.c firmware/app/loop_links.c ${PORT_SOURCES} ${GENERATED_INCLUDE}/generated/chips.c)
 add_dependencies(firmware build_id)

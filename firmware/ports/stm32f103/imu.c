@@ -10,7 +10,7 @@
  * is missing gets counts of INT16_MIN for all, or for the accelerations when the gyro is good. Counts that
  * are not to be trusted (imu_counts.h) are missing, too. */
 #include "imu.h"
-#include "generated/used_parts.h"
+#include "generated/sensor_kinds.h"
 #include "idle.h"
 #include "imu_access.h"
 #include "imu_counts.h"
@@ -161,7 +161,7 @@ static void end_check(void) {
 }
 
 void imu_transferred(transfer_t result) {
-    if (!USED_DIGITAL || phase < SET_UP) {
+    if (phase < SET_UP) {
         return;
     }
     if (result == TRANSFER_DONE && imu_access_line_idle(active)) {
@@ -198,9 +198,6 @@ void imu_transferred(transfer_t result) {
 
 void imu_period(uint32_t length_us) {
     period_us = length_us;
-    if (!USED_DIGITAL) {
-        return;
-    }
     if (!all_up()) {
         if (!gave_six_axes || use.marks_missing == 0U) {
             return;
@@ -239,9 +236,6 @@ static void start_one_of_the_lost(void) {
 }
 
 void imu_poll_ms(void) {
-    if (!USED_DIGITAL) {
-        return;
-    }
     switch (phase) {
     case RECOVER:
         if (i2c_recover()) {
@@ -268,16 +262,12 @@ void imu_poll_ms(void) {
 }
 
 void imu_use(const board_sensors_t *wanted) {
-    if (!USED_DIGITAL) {
-        return;
-    }
     phase = OFF;
     spi_end();
     i2c_abort();
     use = *wanted;
     imu_access_use(wanted);
-    const bool used = wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES ||
-                      (USED_WHEELS && wanted->kind == BOARD_SENSORS_RIDE);
+    const bool used = board_sensors_digital(wanted->kind);
     for (uint32_t i = 0U; i < SENSORS; i++) {
         sensors[i] = (sensor_t){.cause = used ? BOARD_SENSOR_STARTING : BOARD_SENSOR_GOOD};
     }

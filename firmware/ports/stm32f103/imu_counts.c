@@ -1,5 +1,6 @@
 #include "imu_counts.h"
 #include "bridge.h"
+#include "generated/sensor_kinds.h"
 #include "generated/used_parts.h"
 #include "imu_watch.h"
 #include "ride.h"
@@ -23,20 +24,16 @@ void imu_counts_clear(void) {
     seen[GYRO].turns = 0U;
 }
 
-static bool has_six_axes(const board_sensors_t *use) {
-    return (!USED_BRIDGE && !USED_WHEELS) || use->kind == BOARD_SENSORS_SIX_AXES;
-}
-
 static bool motors_may_turn(void) {
     return USED_ACTUATORS && stall_watches();
 }
 
 /* Axes of a sensor that the sample has; imu_counts_publish() takes them. */
 static uint32_t axes_used(uint32_t sensor, const board_sensors_t *use) {
-    if (has_six_axes(use)) {
+    if (board_digital_six_axes(use->kind)) {
         return ALL_AXES;
     }
-    if (USED_WHEELS && use->kind == BOARD_SENSORS_RIDE) {
+    if (board_digital_ride(use->kind)) {
         return sensor == GYRO ? 6U : 5U;
     }
     return sensor == GYRO ? 1U << use->imu_axis : ALL_AXES ^ 1U << use->imu_axis;
@@ -94,12 +91,12 @@ uint8_t imu_counts_judge(uint32_t sensor, const board_sensors_t *use, const imu_
 
 void imu_counts_publish(const board_sensors_t *use, bool no_rate, bool no_force) {
     int16_t *const raw = samples_next();
-    if (has_six_axes(use)) {
+    if (board_digital_six_axes(use->kind)) {
         for (uint32_t axis = 0U; axis <= AXIS_LAST; axis++) {
             raw[axis] = no_rate ? INT16_MIN : axes[GYRO][axis];
             raw[AXIS_LAST + 1U + axis] = no_force ? INT16_MIN : axes[ACCEL][axis];
         }
-    } else if (USED_WHEELS && use->kind == BOARD_SENSORS_RIDE) { /* x to the front, z up */
+    } else if (board_digital_ride(use->kind)) { /* x to the front, z up */
         raw[0] = axes[GYRO][1];
         raw[1] = axes[ACCEL][0];
         raw[2] = axes[ACCEL][AXIS_LAST];

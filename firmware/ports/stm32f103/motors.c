@@ -20,7 +20,6 @@
 #include "app/board_actuators.h"
 #include "clock.h"
 #include "core/fixed.h"
-#include "generated/used_parts.h"
 #include "stall.h"
 #include "stm32f103.h"
 #include <stdbool.h>

@@ -2,10 +2,10 @@
  * (RM0008 14.3.6, 14.4), so no latency of an interrupt is in it. The filter wants a level for 8 samples
  * at 1.125 MHz: shorter pulses than 7 us are no edges, and of noise at most one in 14 us. An edge that finds
  * the last one not fetched replaces it; the frame then has too few. */
-#include "ppm_capture.h"
 #include "app/board_receiver.h"
 #include "clock.h"
 #include "nvic.h"
+#include "receiver_lines.h"
 #include "stm32f103.h"
 
 #define EDGES 32U /* a power of two; two frames have 18 */

@@ -115,7 +115,7 @@ static void begin(uint32_t timer) {
 
 void pwm_init(uint32_t pins) {
     RCC_APB1ENR |= (USED_PULSES ? RCC_APB1ENR_TIM4EN : 0U) | (USED_ROTORS ? RCC_APB1ENR_TIM2EN : 0U);
-    const bool pair = USED_PULSES && !board_pins_wheels(pins);
+    const bool pair = drives_pair();
     if (pair) { /* else the pin of channel 1 may belong to the UART */
         set_up(TIM4_BASE, pins == BOARD_PINS_STANDARD ? PAIR : 0U);
     }
@@ -173,9 +173,7 @@ void board_set_rotors(const uint32_t pulse_halfus[BOARD_ROTORS]) {
 void board_arm_actuator(void) {
     stall_watch(true);
     bridge_arm();
-    if (USED_WHEELS) {
-        motors_arm();
-    }
+    motors_arm();
 }
 
 void board_actuator_neutral(void) {
@@ -186,9 +184,7 @@ void board_actuator_neutral(void) {
     /* Interrupts off: else SysTick could find the length that end_frame() is about to undo. */
     __asm volatile("mrs %0, primask \n cpsid i" : "=r"(masked)::"memory");
     rest_all(good ? kept : CONSTANT_NEUTRAL_HALFUS);
-    if (USED_WHEELS) {
-        motors_off();
-    }
+    motors_off();
     __asm volatile("msr primask, %0" ::"r"(masked) : "memory");
     bridge_off();
     stall_watch(false);
@@ -204,16 +200,14 @@ static bool turns(uint32_t timer, uint32_t count) {
 
 /* The pulses by their bound, not by neutral_halfus, which changes before the registers do. */
 bool pwm_astray(void) {
-    return !stall_watches() && ((drives_pair() && turns(TIM4_BASE, BOARD_ACTUATORS)) ||
-                                (drives_rotors() && turns(TIM2_BASE, BOARD_ROTORS)) ||
-                                (USED_WHEELS && motors_on()) || bridge_on());
+    return !stall_watches() &&
+           ((drives_pair() && turns(TIM4_BASE, BOARD_ACTUATORS)) ||
+            (drives_rotors() && turns(TIM2_BASE, BOARD_ROTORS)) || motors_on() || bridge_on());
 }
 
 void board_clear_actuator_faults(void) {
     bridge_clear_faults();
-    if (USED_WHEELS) {
-        motors_clear_faults();
-    }
+    motors_clear_faults();
     stall_clear();
 }
 
@@ -221,9 +215,7 @@ void board_clear_actuator_faults(void) {
  * the timer counts nine times slower, and the pulse that is on its way would last nine times as long. A pulse
  * that ends early is no command. */
 void pwm_crash(void) {
-    if (USED_WHEELS) {
-        motors_off();
-    }
+    motors_off();
     if (drives_rotors()) {
         pins_rotors_low();
     } else if (drives_pair()) {

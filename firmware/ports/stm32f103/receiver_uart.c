@@ -2,10 +2,10 @@
  * every DMA channel that could serve it is taken. Nothing is sent to the receiver. Errors are counted; the
  * CRC of the frames rejects damaged data. The loop makes a whole turn every few milliseconds by itself, so no
  * byte wakes it. */
-#include "receiver_uart.h"
 #include "app/board_receiver.h"
 #include "clock.h"
 #include "nvic.h"
+#include "receiver_lines.h"
 #include "stm32f103.h"
 
 #define BAUD       420000U
@@ -26,8 +26,9 @@ void receiver_uart_init(void) {
     USART3_CR1 = USART3_CR1_UE | USART3_CR1_RE | USART3_CR1_RXNEIE;
 }
 
-uint32_t receiver_uart_errors(void) {
-    return sticks_errors;
+uint32_t receiver_uart_errors(uint32_t others) {
+    const uint32_t errors = others + sticks_errors;
+    return errors < ERRORS_MAX ? errors : ERRORS_MAX;
 }
 
 void receiver_uart_handler(void) {

@@ -13,7 +13,7 @@
 #include "app/board_guard.h"
 #include "app/board_sensors.h"
 #include "clock.h"
-#include "generated/used_parts.h"
+#include "generated/sensor_kinds.h"
 #include "imu.h"
 #include "nvic.h"
 #include "samples.h"
@@ -31,7 +31,7 @@ BOARD_GUARDED static uint32_t longer;      /* intervals of a period that take 1 
 static uint32_t carried;                   /* remainder of that division, from interval to interval */
 
 static bool analog(void) {
-    return USED_ANALOG && (sensors.kind == BOARD_SENSORS_ANALOG_3 || sensors.kind == BOARD_SENSORS_ANALOG_6);
+    return board_sensors_analog(sensors.kind);
 }
 
 /* Reload value of the next interval: its length in counts of TIM3, less 1. The intervals of a period sum to

@@ -7,16 +7,12 @@
 #include "bridge.h"
 #include "bxcan.h"
 #include "faults.h"
-#include "generated/used_parts.h"
 #include "guard.h"
-#include "i2c.h"
 #include "imu.h"
 #include "linker.h"
-#include "ppm_capture.h"
 #include "pwm.h"
-#include "receiver_uart.h"
+#include "receiver_lines.h"
 #include "sampling.h"
-#include "spi.h"
 #include "stall.h"
 #include "stm32f103.h"
 #include "systick.h"
@@ -52,38 +48,6 @@ static void adc_dma_handler(void) {
     adc_on_scan();
 }
 
-/* The last byte was received. */
-static void spi_dma_handler(void) {
-    if (USED_DIGITAL) {
-        spi_end();
-        imu_transferred(TRANSFER_DONE);
-    }
-}
-
-static void i2c_advanced(transfer_t result) {
-    if (result != TRANSFER_UNDER_WAY) {
-        imu_transferred(result);
-    }
-}
-
-static void i2c_event_handler(void) {
-    if (USED_DIGITAL) {
-        i2c_advanced(i2c_on_event());
-    }
-}
-
-static void i2c_error_handler(void) {
-    if (USED_DIGITAL) {
-        i2c_advanced(i2c_on_error());
-    }
-}
-
-static void i2c_dma_handler(void) {
-    if (USED_DIGITAL) {
-        i2c_advanced(i2c_on_dma());
-    }
-}
-
 /* ---- vector table ---- */
 
 typedef void (*vector_t)(void);
@@ -95,8 +59,8 @@ __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60
     (vector_t)(uintptr_t)stack_top, reset_handler, F, F, F, F, F, F, F, F, F, F, F, F, pendsv_handler, systick_handler,
     /*  0 */ F, F, F, F, F, F, F, F, F, F,
     /* 10 */ F, adc_dma_handler, spi_dma_handler, F, uart_tx_dma_handler, uart_rx_dma_handler, F, i2c_dma_handler, F, can_tx_handler,
-    /* 20 */ can_rx_handler, F, F, F, F, F, F, USED_RECEIVER ? ppm_capture_handler : F, bridge_handler, sampling_timer_handler,
-    /* 30 */ F, i2c_event_handler, i2c_error_handler, F, F, F, F, uart_handler, F, USED_RECEIVER ? receiver_uart_handler : F,
+    /* 20 */ can_rx_handler, F, F, F, F, F, F, ppm_capture_handler, bridge_handler, sampling_timer_handler,
+    /* 30 */ F, i2c_event_handler, i2c_error_handler, F, F, F, F, uart_handler, F, receiver_uart_handler,
     /* 40 */ F, F, F, F, F, F, F, F, F, F,
     /* 50 */ F, F, F, F, F, F, F, F, F, F,
 };
