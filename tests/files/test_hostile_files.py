@@ -5,9 +5,13 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import struct
+import tempfile
+import zipfile
 from collections.abc import Callable
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 
 import pytest
@@ -98,6 +102,33 @@ def of_history(path: Path) -> None:
         parameter_history.read("0")
 
 
+def of_recording(path: Path) -> None:
+    """By the readers of plumb's own: they know by themselves what is wrong, before a limit ends them."""
+    try:
+        recording.load(path)
+    except UsageError as error:
+        assert not re.search(r"is damaged, or no \S+ file \(|its reader failed|takes longer", str(error)), error
+        raise
+
+
+def of_folder(path: Path) -> None:
+    """The files of a zip, in a folder; a pipe is one that nobody may open."""
+    if not path.is_file():
+        raise UsageError("no file")
+    with tempfile.TemporaryDirectory() as folder:
+        with zipfile.ZipFile(path) as archive:
+            archive.extractall(folder)
+        of_recording(Path(folder))
+
+
+def _zip_of(files: dict[str, bytes]) -> bytes:
+    out = BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return out.getvalue()
+
+
 Make = Callable[[random.Random, Path], bytes]
 Read = Callable[[Path], object]
 
@@ -122,6 +153,10 @@ FORMATS: dict[str, tuple[str, Make, Read]] = {
     "plog": ("a.plog", lambda rng, _: hostile_files.plog(rng, {"clock": "utc", "protocol": {}}, good_table()), of_log),
     "npz": ("a.npz", lambda rng, _: hostile_files.npz(rng), recording.load),
     "csv": ("a.csv", lambda rng, _: hostile_files.recording_csv(rng), recording.load),
+    "ulog": ("a.ulg", lambda rng, _: hostile_files.ulog(rng), of_recording),
+    "zip of tables": ("a.zip", lambda rng, _: hostile_files.zip_of_tables(rng), recording.load),
+    "folder of tables": ("a.zip", lambda rng, _: _zip_of(hostile_files.table_set(rng)), of_folder),
+    "printed": ("a.txt", lambda rng, _: hostile_files.printed(rng), of_recording),
     "parameters": ("a.toml", lambda rng, _: hostile_files.toml(rng, _table_text()), parameter_file.read),
     "quantities": (
         "a.toml",
@@ -163,6 +198,15 @@ def test_a_hostile_file_is_one_sentence_or_a_result(name: str, block: int, folde
     """No other exception, no minutes, no gigabytes, and no temporary file that stays."""
     called, make, read = FORMATS[name]
     try_block(tmp_path / called, block, lambda seed: make(random.Random(f"{name} {seed}"), folder), read)
+
+
+@pytest.mark.parametrize("line", ["a" * 60_000, "a " * 30_000, "a:" * 30_000, "a" + " " * 60_000, "x=1" * 20_000])
+def test_a_long_line_of_a_serial_port_is_read_in_time(line: str, tmp_path: Path) -> None:
+    """A label without end, searched from each of its letters, took a minute."""
+    path = tmp_path / "a.txt"
+    path.write_text("Accel X: 1, Y: 2, Z: 9 g\nGyro X: 4, Y: 5, Z: 6 deg/s\n" + (line + "\n") * 3, encoding="utf-8")
+    with pytest.raises(UsageError, match="names no time: give --units"):
+        of_recording(path)
 
 
 def test_a_field_with_a_line_break_is_reported_on_one_line(tmp_path: Path) -> None:

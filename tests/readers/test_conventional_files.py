@@ -70,6 +70,26 @@ def test_blackbox_decode_with_units_in_its_header(tmp_path: Path) -> None:
     check(tmp_path, table(header, [np.arange(3), 1e6 * np.array(TIME_S), np.zeros(3), RADPS, MPS2]))
 
 
+ANDROSENSOR = (
+    "GPS LATITUDE (degrees),TIME SINCE START (ms),"
+    + ",".join(f"ACCELEROMETER {c} (m/s²) " for c in "XYZ")
+    + ","
+    + ",".join(f"GYROSCOPE {c} (rad/s)" for c in ("Yaw", "Pitch", "Roll"))
+    + ","
+    + ",".join(f"MAGNETIC FIELD {c} (μT)" for c in "XYZ")
+    + ",ORIENTATION (Yaw) (°)"
+)
+
+
+def test_androsensor_whose_gyro_is_named_by_angles(tmp_path: Path) -> None:
+    """Yaw is about z, pitch about x, roll about y of the device, as Android's orientation has them."""
+    mag = np.tile([20.0, -5.0, 40.0], (3, 1))
+    columns = [np.full(3, 52.4), 1e3 * np.array(TIME_S), MPS2, RADPS[:, [2, 0, 1]], mag, np.zeros(3)]
+    got, taken = check(tmp_path, table(ANDROSENSOR, columns))
+    assert got["mag"] == pytest.approx(mag)
+    assert taken[0].startswith("AndroSensor, header in line 1") and "pitch, roll and yaw are taken as" in taken[-1]
+
+
 XSENS = [f"Acc_{c}" for c in "XYZ"] + [f"Gyr_{c}" for c in "XYZ"] + [f"Quat_q{i}" for i in range(4)]
 COMMENTS = "// Start Time: Unknown\n// Sample rate: 100.0Hz\n// Scenario: 4.9\n"
 

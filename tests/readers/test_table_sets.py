@@ -114,6 +114,13 @@ def test_a_set_that_lacks_a_sensor_is_one_sentence(tmp_path: Path, files: dict[s
         table_sets.read("a.zip", table_sets.of_zip(archive), NOTHING, [])
 
 
+def test_a_zip_that_is_cut_is_one_sentence(tmp_path: Path) -> None:
+    path = zipped(tmp_path / "walk.zip", phyphox())
+    path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(UsageError, match=r"^walk\.zip is a damaged zip, perhaps cut"):
+        recording_files.read(path)
+
+
 def test_a_set_of_several_recordings_is_one_sentence() -> None:
     text = b"Time (s)," + b",".join(f"{s} {c}".encode() for s in ("gyr", "acc") for c in "xyz") + b"\n"
     with pytest.raises(UsageError, match=r"holds several recordings: a.csv, b.csv: give one of them"):

@@ -65,6 +65,7 @@ def test_a_cut_file_is_read_up_to_its_last_message(tmp_path: Path) -> None:
             "has no field gyro_rad of 3",
         ),
         (file_of(combined="uint64_t timestamp;strange gyro_rad;"), "is damaged: its format"),
+        (file_of(combined=COMBINED + "".join(f"double[256] f{i};" for i in range(40))), "is longer than a message"),
     ],
 )
 def test_a_damaged_file_is_one_sentence(tmp_path: Path, data: bytes, sentence: str) -> None:

@@ -268,6 +268,125 @@ def recording_csv(rng: random.Random) -> bytes:
     return spoilt(rng, "\n".join([head, *rows]).encode())
 
 
+def ulog(rng: random.Random) -> bytes:
+    """Messages whose lengths, formats and topics lie: fields of other types, counts and names, numbers of no topic,
+    samples that are longer or shorter than their format."""
+    combined = "uint64_t timestamp;float[3] gyro_rad;float[3] accelerometer_m_s2;"
+    lies = (
+        "float[3] gyro_rad;" * 3000,
+        "double[256] more;" * 9,
+        "float[99999999999] x;",
+        "nested_t inner;",
+        "float[0] x;",
+        "char[9] timestamp;",
+        "\u00e4[3] gyro_rad;",
+        "",
+        ";" * 60_000,
+        "float[3] gyro_rad",
+        "int8_t " + "a" * 60_000,
+    )
+    if rng.random() < 0.5:
+        combined = rng.choice(
+            [combined + rng.choice(lies), rng.choice(lies), combined.replace("3", rng.choice("0149"))]
+        )
+    if rng.random() < 0.1:
+        combined += "".join(f"uint64_t[256] f{i};" for i in range(2500))
+
+    def message(kind: str, body: bytes) -> bytes:
+        size = rng.choice([0, 1, 65535, len(body) ^ 1]) if rng.random() < 0.02 else min(len(body), 65535)
+        return struct.pack("<HB", size, ord(kind)) + body[:65535]
+
+    head = b"ULog\x01\x12\x35" + bytes(9)
+    head += message("F", f"sensor_combined:{combined}".encode()) * rng.choice([1, 1, 1, 0, 300])
+    head += message("F", b"vehicle_attitude:uint64_t timestamp;" + rng.choice([b"float[4] q;", b"float q;", b"q", b""]))
+    for number, topic in enumerate(
+        ["sensor_combined", rng.choice(["vehicle_attitude", "sensor_combined", "", "x" * 9999])]
+    ):
+        head += message("A", struct.pack("<BH", rng.choice([0, 0, 0, 7]), number) + topic.encode())
+    samples = b""
+    for at in range(rng.choice([0, 3, 600, 600])):
+        stamp = rng.choice([at * 4000] * 20 + [0, (1 << 64) - 1])
+        values = [rng.choice([0.0, 1.0] * 8 + [float("nan"), float("inf"), 3e38]) for _ in range(6)]
+        body = struct.pack("<HQ6f", rng.choice([0, 0, 0, 0, 0, 0, 0, 9]), stamp, *values)
+        samples += message("D", body[: rng.choice([len(body)] * 30 + [0, 1, 2, 9])])
+        samples += message("D", struct.pack("<HQ4f", 1, stamp, 1.0, 0.0, 0.0, values[0]))
+        samples += message(rng.choice("LSXQ\xff"), bytes(9)) if rng.random() < 0.02 else b""
+    return spoilt(rng, head + samples)
+
+
+def table_set(rng: random.Random) -> dict[str, bytes]:
+    """Files of a recorder of one table a sensor: other clocks, columns that lack, tables that are none, twice, or
+    stand beside others."""
+    count = rng.choice([250, 250, 2])
+    names = ["Gyroscope.csv", "Accelerometer.csv", "Gravity.csv", "TotalAcceleration.csv", "Magnetometer.csv"]
+    files = {}
+    for name in rng.sample(names, rng.choice([1, 2, 3, 5, 5, 5])):
+        first_s = rng.choice([0.0, 0.0, 0.0, 1e9, -5.0])
+        rows = [f"{at},{first_s + 0.01 * at},1,2,3" for at in range(count)]
+        for _ in range(rng.choice([0, 0, 1, 5])):
+            rows[rng.randrange(len(rows))] = rng.choice(
+                ["", "1,2", "nan,nan,nan,nan,nan", "x", "1e308,1e308,1,2,3", '"']
+            )
+        head = rng.choice(
+            ["time,seconds_elapsed,z,y,x"] * 6 + ["time,z,y,x", "a,b", "", "x,y,z", "time,seconds_elapsed,z"]
+        )
+        files[name] = "\n".join([head, *rows]).encode()
+    more = {
+        "a.csv": recording_csv(rng),
+        "meta.txt": b"\xff" * 99,
+        "bomb.csv": bytes(8 << 20),
+        "empty.csv": b"",
+        "b.csv": gzip.compress(bytes(32 << 20)),
+        "Gyroscope 2.csv": files.get("Gyroscope.csv", b"x"),
+    }
+    for name in rng.sample(sorted(more), rng.choice([0, 1, 1, 3])):
+        files[name] = more[name]
+    files |= {f"{number}.csv": b"1" for number in range(300)} if rng.random() < 0.05 else {}
+    return files
+
+
+def zip_of_tables(rng: random.Random) -> bytes:
+    """A set of tables, perhaps in folders or under other names, in a zip that may be damaged."""
+    out = BytesIO()
+    kind = rng.choice([zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED, zipfile.ZIP_LZMA])
+    before = rng.choice(["", "", "walk/", "../../", "meta/", "/", "xl/", "\u00e4" * 99 + "/"])
+    with zipfile.ZipFile(out, "w", kind) as archive:
+        for name, data in table_set(rng).items():
+            archive.writestr(before + name, data)
+    return spoilt(rng, out.getvalue())
+
+
+def printed(rng: random.Random) -> bytes:
+    """What a microcontroller prints, with labels without end, values that are none, and lines that never end a
+    sample."""
+    lines = []
+    for _ in range(rng.choice([3, 300])):
+        lines += rng.choice(
+            [
+                ["Accel X: 1.0, Y: 0, Z: 9.8 m/s^2", "Gyro X: 0, Y: 0.1, Z: 0 rad/s"],
+                ["AcX = 1 | AcY = 2 | AcZ = 3 | GyX = 4 | GyY = 5 | GyZ = 6"],
+                ["a/g: 1 2 3 4 5 6"],
+            ]
+        )
+    odd = [
+        "a" * 60_000,
+        "a " * 30_000,
+        "a:" * 30_000,
+        "ax=" + "1" * 60_000,
+        ".[" * 30_000,
+        "Accel X: " * 7_000,
+        "=",
+        "12:00:00.1 -> " * 4_000,
+        "a/g:" + " 1" * 30_000,
+        "Accel X: 1e999, Y: 1e-999",
+        "a" * 70_000,
+        "ax:1" * 15_000,
+    ]
+    for _ in range(rng.choice([0, 1, 3, 30])):
+        lines.insert(rng.randrange(len(lines)), rng.choice(odd))
+    return spoilt(rng, "\n".join(lines).encode())
+
+
 def toml(rng: random.Random, good: str) -> bytes:
     """A good file with values of another type, keys of many parts, and nesting."""
     lines = good.splitlines()

@@ -147,6 +147,8 @@ def _read_npz(path: Path) -> Columns:
     except UsageError:
         raise
     except Exception as error:  # zipfile, zlib and numpy raise many kinds of exceptions for a damaged file
+        if isinstance(error, zipfile.BadZipFile) and path.suffix.lower() != ".npz":
+            raise UsageError(f"{path.name} is a damaged zip, perhaps cut: copy it once more") from error
         raise UsageError(f"{path.name} is damaged or no numpy .npz file of plain numbers") from error
     missing = [name for name in ("gyr", "acc") if name not in columns]
     if missing or not ("time_s" in columns or "rate_hz" in columns):

@@ -18,12 +18,14 @@ _XSENS_RATE = re.compile(r"(?:sample|update|output) ?rate:?[\s,]*([0-9]+\.?[0-9]
 @dataclass(frozen=True)
 class Convention:
     """columns: by quantity (`ref`: w, x, y, z, which may lack), in lower case without a unit; units: those of columns
-    that state none; note: for people; wrap: the count of the time that begins again at 0, 0 for none."""
+    that state none; note, assumed: for people, the second where the accelerometer states no unit; wrap: the count of
+    the time that begins again at 0, 0 for none."""
 
     name: str
     columns: dict[str, list[str]]
     units: dict[str, str]
     note: str = ""
+    assumed: str = ""
     wrap: float = 0.0
 
 
@@ -68,9 +70,10 @@ def _conventions(before: Sequence[str]) -> list[Convention]:
                 "acc": [f"accsmooth[{i}]" for i in range(3)],
             },
             {"time": "us", "gyr": "deg/s", "acc": f"1/{counts} g"},
-            of_acc,
+            assumed=of_acc,
         ),
         _ros(),
+        _androsensor(),
         _xsens("sampletimefine", "us" if dot else "1/10000 s", 2.0**32, dot=dot),
         _xsens("packetcounter", f"1/{rate[1]} s" if rate and float(rate[1]) else "", 65536.0, dot=dot),
     ]
@@ -85,6 +88,17 @@ def _ros() -> Convention:
         "ref": [f"field.orientation.{c}" for c in "wxyz"],
     }
     return Convention("ROS sensor_msgs/Imu", columns, {"time": "ns", "gyr": "rad/s", "acc": "m/s2"})
+
+
+def _androsensor() -> Convention:
+    """Its files whose gyro is named by angles, which Android's orientation has about z, x and y of the device."""
+    columns = {
+        "time": ["time since start"],
+        "gyr": ["gyroscope pitch", "gyroscope roll", "gyroscope yaw"],
+        "acc": [f"accelerometer {c}" for c in "xyz"],
+    }
+    note = "pitch, roll and yaw are taken as rates about x, y and z, as Android names them: gyro-axes says if they are"
+    return Convention("AndroSensor", columns, {"time": "ms", "gyr": "rad/s", "acc": "m/s2"}, note)
 
 
 @dataclass(frozen=True)
@@ -110,14 +124,15 @@ def conventional(header: Sequence[str], before: Sequence[str]) -> Conventional |
         for quantity, columns in needed.items():
             for axis, name in enumerate(columns):
                 at = names.index(name)
-                stated, unit = stated_unit(header[at]), one.units[quantity]
-                if stated:
-                    meanings[at] = Meaning(quantity, axis, stated, UNITS[quantity].get(stated))
+                said, unit = stated_unit(header[at]), one.units[quantity]
+                if said:
+                    meanings[at] = Meaning(quantity, axis, said, UNITS[quantity].get(said))
                 else:
                     meanings[at] = Meaning(quantity, axis, unit, unit_factor(quantity, unit) if unit else None)
         reference = one.columns.get("ref", [])
         found = [names.index(name) for name in reference] if all(name in names for name in reference) else []
-        note = "" if any(stated_unit(header[at]) for at, m in meanings.items() if m.quantity == "acc") else one.note
+        stated = any(stated_unit(header[at]) for at, m in meanings.items() if m.quantity == "acc")
+        note = one.note or ("" if stated else one.assumed)
         wraps = {at: one.wrap for at, said in meanings.items() if said.quantity == "time" and one.wrap}
         return Conventional(one.name, meanings, found, note, wraps)
     return None

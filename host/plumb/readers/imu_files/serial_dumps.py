@@ -13,10 +13,11 @@ from plumb.readers.imu_files.header_words import UNITS, Meaning, meaning
 
 _UNITS = sorted({unit for one in ("gyr", "acc") for unit in UNITS[one]}, key=len, reverse=True)
 _PAIR = re.compile(
-    r"([A-Za-z][\w /().\[\]°²^]*?)\s*[:=]\s*([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)"
+    r"([A-Za-z][\w /().\[\]°²^]{0,40}?)\s{0,8}[:=]\s{0,8}([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)"
     rf"(?:\s*({'|'.join(re.escape(unit) for unit in _UNITS)})(?![\w/^²]))?",
     re.IGNORECASE,
 )
+"""Label, value, unit. The label is bounded: without, a line of 60,000 letters costs a minute."""
 _STAMP = re.compile(r"\s*(\d{1,2}:\d{2}:\d{2}[.,]\d+)\s*->\s*")
 _COUNTS = re.compile(r"a/g:" + r"\s+([-+]?\d+)" * 6)
 _SENSORS = [(quantity, axis) for quantity in ("gyr", "acc") for axis in range(3)]

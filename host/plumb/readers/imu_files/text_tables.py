@@ -76,7 +76,8 @@ def _layout(header: list[str], separator: str, given: Given, before: Sequence[st
     meanings = _named(header, given)
     known = conventional(header, before) if not given.columns else None
     if known:
-        return Layout(separator, header, known.meanings, known.name, known.ref, known.note, known.wraps)
+        meanings = {**known.meanings, **_magnetometer(header, known.meanings)}
+        return Layout(separator, header, meanings, known.name, known.ref, known.note, known.wraps)
     seen = {(said.quantity, said.axis) for said in meanings.values()}
     times, doubled = [], []
     for at, cell in enumerate(header):
@@ -103,6 +104,14 @@ def _layout(header: list[str], separator: str, given: Given, before: Sequence[st
         meanings,
         note=f"more columns of the same name or meaning are left out: {names}" if names else "",
     )
+
+
+def _magnetometer(header: list[str], taken: dict[int, Meaning]) -> dict[int, Meaning]:
+    """Of a table of a known program, whose convention is about the other two sensors: by the words, one column an
+    axis."""
+    found = {at: said for at, cell in enumerate(header) if at not in taken and (said := meaning(cell))}
+    mag = {at: said for at, said in found.items() if said.quantity == "mag"}
+    return mag if sorted(said.axis for said in mag.values()) == [0, 1, 2] else {}
 
 
 def without_empty_time(layout: Layout, row: list[str], given: Given, before: Sequence[str], bare: str | None) -> Layout:

@@ -18,6 +18,8 @@ from plumb.readers.imu_files.tables import MOST_SAMPLES, Columns, too_long
 
 MAGIC = b"ULog\x01\x12\x35"
 _HEAD_BYTES = 16
+_LONGEST = 65535
+"""Bytes of a message."""
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])? (\w+)")
 _TYPES = {
     "int8_t": "i1", "uint8_t": "u1", "int16_t": "<i2", "uint16_t": "<u2", "int32_t": "<i4", "uint32_t": "<u4",
@@ -31,7 +33,7 @@ def read(path: Path, taken: list[str]) -> Columns:
     before. taken: sentences are added. Raises UsageError."""
     formats, samples, cut = _messages(path.read_bytes())
     if SENSORS not in samples:
-        names = ", ".join(sorted(samples)[:8]) or "none"
+        names = ", ".join(one[:40] for one in sorted(samples)[:8]) or "none"
         raise UsageError(f"{path.name} has no {SENSORS}; its topics: {names}")
     sensors = _rows(path.name, formats, samples, SENSORS)
     columns: Columns = {
@@ -84,6 +86,8 @@ def _rows(name: str, formats: dict[str, str], samples: dict[str, list[bytes]], t
             raise UsageError(f"{name} is damaged: its format of {topic} has the field {text[:40]!r}")
         fields.append((field, _TYPES[kind], (int(count),)) if count else (field, _TYPES[kind]))
     layout = np.dtype(fields)
+    if layout.itemsize > _LONGEST:
+        raise UsageError(f"{name} is damaged: its format of {topic} is longer than a message")
     needed = {SENSORS: {"gyro_rad": 3, "accelerometer_m_s2": 3}, ATTITUDE: {"q": 4}}[topic]
     for field, count in {"timestamp": 0, **needed}.items():
         if field not in (layout.names or ()) or layout[field].shape != ((count,) if count else ()):
