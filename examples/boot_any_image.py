@@ -6,11 +6,14 @@ python examples/boot_any_image.py firmware.bin PC13 [BAUD]     BAUD: at which th
 import sys
 from pathlib import Path
 
-from plumb.f103 import Machine
+from plumb.f103 import FaultStop, Machine
 
 machine = Machine(Path(sys.argv[1]))  # .bin, .hex or .elf; the power has just come on
 machine.uart.baudrate = int(sys.argv[3]) if len(sys.argv) > 3 else 921600
-machine.advance_us(20_000)
+try:
+    machine.advance_us(20_000)
+except FaultStop as stop:
+    print(stop)  # what, when, where (an .elf names function and line) and why
 if not machine.usart.baud:
     print("the program never set up USART1")
 elif abs(machine.usart.baud / machine.uart.baudrate - 1) > 0.05:

@@ -155,7 +155,7 @@ class RunInputs:
     """A quad that flies on its own sensors; begun once, put back for every hang."""
 
     def __init__(self, data: bytes, period_us: int = 3000, frame_us: int = FRAME_US) -> None:
-        self.machine = machine = Machine(data)
+        self.machine = machine = Machine(data, faults="run")
         at_rest(machine)
         machine.advance_us(BOOT_US)
         self.session = session = Session.open(machine.uart)
@@ -292,7 +292,7 @@ def test_a_bridge_that_a_stall_switched_off_stays_off_until_the_next_run(
 def test_at_every_clock_a_masked_hang_resets_in_time_and_says_what_it_was(
     image: Image, crystal: bool, pll_dead: bool
 ) -> None:
-    machine = Machine(image.data, crystal=crystal)
+    machine = Machine(image.data, crystal=crystal, faults="run")
     machine.rcc.pll_dead = pll_dead
     machine.advance_us(300_000)
     assert machine.reset_count == 1
@@ -314,7 +314,7 @@ def test_at_every_clock_a_masked_hang_resets_in_time_and_says_what_it_was(
 def test_a_watchdog_reset_cancels_a_bootloader_request(image: Image) -> None:
     """The word is in its register and the reset that belongs to it hangs: neither the reset by the watchdog nor a
     software reset after it goes into the ROM."""
-    machine = Machine(image.data)
+    machine = Machine(image.data, faults="run")
     machine.advance_us(BOOT_US)
     machine.bkp.dr1 = 0xB007
     machine.request_reset("wwdg")

@@ -118,7 +118,7 @@ def test_a_hanging_loop_is_reset(image: bytes, elf: Elf) -> None:
 
 
 def test_a_crash_is_reported_after_the_reset(image: bytes, elf: Elf) -> None:
-    machine = Machine(_patched(image, elf, "session_poll", UNDEFINED))
+    machine = Machine(_patched(image, elf, "session_poll", UNDEFINED), faults="run")
     assert machine.run_until(lambda: machine.reset_count == 2, BOOT_US)
     machine.run_until(lambda: machine.reset_count == 3, BOOT_US)
     assert _word(machine, elf, "identity", 10) == elf.symbol("session_poll").address
@@ -148,7 +148,7 @@ WITHOUT_A_STACK = {
 @pytest.mark.parametrize("code", WITHOUT_A_STACK.values(), ids=WITHOUT_A_STACK.keys())
 def test_without_a_stack_it_is_reset_all_the_same_and_at_once(image: bytes, elf: Elf, code: bytes) -> None:
     """The handler brings a stack of its own, and reads no frame where none can be."""
-    machine = Machine(_patched(image, elf, "session_poll", code))
+    machine = Machine(_patched(image, elf, "session_poll", code), faults="run")
     assert machine.run_until(lambda: machine.reset_count == 2, BOOT_US), "no need of the watchdog's 160 ms"
     assert machine.warnings == []
     machine.advance_us(BOOT_US // 3)

@@ -15,7 +15,7 @@ from support.flash_image import image_path
 HERE = Path(__file__).parent
 COMPILER = "arm-none-eabi-gcc"
 FLAGS = [
-    *("-mcpu=cortex-m3", "-mthumb", "-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"),
+    *("-mcpu=cortex-m3", "-mthumb", "-std=c99", "-O2", "-g", "-Wall", "-Wextra", "-Werror"),
     *("-ffreestanding", "-nostdlib", "-nostartfiles", f"-I{HERE.parents[1] / 'firmware'}"),
     f"-I{HERE.parents[1] / 'build' / 'stm32f103' / 'systems'}",
 ]
@@ -52,4 +52,4 @@ def image() -> Path:
 
 @pytest.fixture
 def board(build: Callable[[str], Path]) -> Callable[..., RunningProgram]:
-    return lambda name, **options: RunningProgram(build(name), **options)
+    return lambda name, suffix=".bin", **options: RunningProgram(build(name).with_suffix(suffix), **options)

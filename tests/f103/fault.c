@@ -77,6 +77,15 @@ int main(void) {
     case 9:
         __asm volatile("svc 0");
         break;
+    case 10:
+        __asm volatile("bx %0" ::"r"(0x08000100U));
+        break;
+    case 11:
+        __asm volatile("bkpt #1");
+        break;
+    case 12:
+        __asm volatile("mcr p14, 0, r0, c0, c0, 0");
+        break;
     default:
         break;
     }

@@ -40,6 +40,15 @@ def test_the_example_says_that_an_image_sets_up_no_uart(build: Callable[[str], P
     assert run(str(EXAMPLE), image, "PC13")[0] == "the program never set up USART1"
 
 
+def test_the_example_says_why_and_where_a_program_faults(build: Callable[[str], Path]) -> None:
+    """udf.c executes udf, and its handler loops; a .bin has no functions to name."""
+    elf = build("udf")
+    line, *_ = run(str(EXAMPLE), str(elf), "PC13")
+    assert re.match(r"HardFault after .* \(UNDEFINSTR\), pc 0x080[0-9A-F]{5} in main \(udf\.c:\d+\) \(lr ", line)
+    line, *_ = run(str(EXAMPLE), str(elf.with_suffix(".bin")), "PC13")
+    assert re.match(r"HardFault after .* \(UNDEFINSTR\), pc 0x080[0-9A-F]{5} \(lr ", line)
+
+
 def test_nothing_of_the_product_is_loaded(build: Callable[[str], Path]) -> None:
     program = (
         "import runpy, sys; sys.argv = sys.argv[1:]; runpy.run_path(sys.argv[0]); "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import struct
 import subprocess
@@ -94,7 +95,7 @@ def test_parts_report_their_flash_size_and_a_seeded_id(board: NewBoard, part: st
 def test_faults_reach_their_handler_and_return(
     board: NewBoard, cause: int, enabled: int, handler: int, cfsr: int, forced: int
 ) -> None:
-    b = board("fault")
+    b = board("fault", faults="run")
     b.ask(0, cause)
     b.ask(7, enabled)
     b.machine.advance_us(1000)
@@ -108,14 +109,14 @@ def test_faults_reach_their_handler_and_return(
 def test_a_register_that_is_not_modelled_stops_with_its_address(board: NewBoard) -> None:
     from plumb.f103 import SimulationError
 
-    b = board("fault")
+    b = board("fault", faults="run")
     b.ask(0, 4)
     with pytest.raises(SimulationError, match="0x40005800"):
         b.machine.advance_us(1000)
 
 
 def test_a_peripheral_without_clock_reads_zero_and_is_reported(board: NewBoard) -> None:
-    b = board("fault")
+    b = board("fault", faults="run")
     b.ask(0, 5)
     b.machine.advance_us(1000)
     assert b.result(1) == 1
@@ -127,7 +128,7 @@ def test_a_peripheral_without_clock_reads_zero_and_is_reported(board: NewBoard) 
 
 
 def test_read_modify_write_of_the_remap_register_loses_the_debug_port(board: NewBoard) -> None:
-    b = board("fault")
+    b = board("fault", faults="run")
     b.ask(0, 6)
     assert b.machine.afio.debug_port
     b.machine.advance_us(1000)
@@ -138,14 +139,14 @@ def test_read_modify_write_of_the_remap_register_loses_the_debug_port(board: New
 def test_too_few_wait_states_stop_the_simulation(board: NewBoard) -> None:
     from plumb.f103 import SimulationError
 
-    b = board("fault")
+    b = board("fault", faults="run")
     b.ask(0, 7)
     with pytest.raises(SimulationError, match="72 MHz with 0 flash wait states"):
         b.machine.advance_us(10_000)
 
 
 def test_a_handler_that_needs_the_stack_that_failed_locks_the_core_up(board: NewBoard) -> None:
-    b = board("fault")
+    b = board("fault", faults="run")
     b.ask(0, 8)
     b.machine.advance_us(1000)
     assert "fault inside the fault handler" in b.machine.cpu.locked_up
@@ -331,7 +332,7 @@ def test_snapshots_keep_both_stack_pointers(board: NewBoard) -> None:
 
 
 def test_an_exc_return_that_contradicts_the_active_exceptions_is_a_usage_fault(board: NewBoard) -> None:
-    b = board("fault")
+    b = board("fault", faults="run")
     b.ask(0, 9)
     b.ask(7, 1)
     b.machine.advance_us(20)
@@ -353,7 +354,7 @@ def test_bit_band_words_are_single_bits_of_ram_and_registers(board: NewBoard) ->
 def test_a_bit_band_word_without_memory_behind_it_is_a_fault_or_named(board: NewBoard) -> None:
     from plumb.f103 import SimulationError
 
-    behind = board("bits")
+    behind = board("bits", faults="run")
     behind.ask(8, 1)
     behind.machine.advance_us(1000)
     assert behind.machine.scb.bfar == 0x22000000 + 32 * 20480
@@ -362,3 +363,43 @@ def test_a_bit_band_word_without_memory_behind_it_is_a_fault_or_named(board: New
     unknown.ask(9, 1)
     with pytest.raises(SimulationError, match="0x40005C00"):
         unknown.machine.advance_us(1000)
+
+
+def test_a_fault_ends_the_run_and_says_why_and_where(board: NewBoard) -> None:
+    from plumb.f103 import FaultStop
+
+    b = board("fault", suffix=".elf")
+    b.ask(0, 3)
+    b.ask(7, 0)
+    with pytest.raises(FaultStop) as caught:
+        b.machine.advance_us(1000)
+    fault = caught.value.fault
+    assert str(fault).startswith("HardFault after ")
+    assert "an instruction that the core does not have (UNDEFINSTR), pc 0x080" in str(fault)
+    assert re.search(r" in main \(fault\.c:\d+\) \(lr 0x[0-9A-F]{8}, sp 0x20", str(fault))
+    top = bytes(b.machine.cpu.ram[fault.sp - 0x20000000 :])
+    assert fault.stack == struct.unpack(f"<{len(top) // 4}I", top), "the words between the stack pointer and its top"
+    b.machine.advance_us(1000)
+    assert b.result(1) == 1, "the handler runs when time goes on"
+    assert b.machine.program_faults == [fault]
+
+
+@pytest.mark.parametrize(
+    ("cause", "name", "why"),
+    [
+        (1, "HardFault at 0x60000000", "a load or store that its address does not take (PRECISERR)"),
+        (8, "HardFault", "does not fit: the stack pointer is outside RAM (STKERR)"),
+        (10, "UsageFault", "a jump to an even address, which asks for Arm instructions (INVSTATE)"),
+        (11, "HardFault", "a breakpoint instruction without a debugger (DEBUGEVT)"),
+        (12, "UsageFault", "an instruction of a coprocessor; the Cortex-M3 has none, and no floating point (NOCP)"),
+    ],
+)
+def test_a_fault_says_its_cause_in_words(board: NewBoard, cause: int, name: str, why: str) -> None:
+    from plumb.f103 import FaultStop
+
+    b = board("fault")
+    b.ask(0, cause)
+    b.ask(7, int(name == "UsageFault"))
+    with pytest.raises(FaultStop, match=re.escape(why)) as caught:
+        b.machine.advance_us(1000)
+    assert str(caught.value).startswith(name)

@@ -21,10 +21,13 @@ CYCLES_PER_US = 8
 
 
 def carried_out(
-    board: NewBoard, *steps: tuple[int, int], part: str = "stm32f103c8", before: Callable[[Machine], None] | None = None
+    board: NewBoard,
+    *steps: tuple[int, int],
+    part: str = "stm32f103c8",
+    before: Callable[[Machine], None] | None = None,
 ) -> RunningProgram:
-    """The small program after these steps. before(machine): what to do to it first."""
-    b = board("flash", part=part)
+    """The small program, which handles its faults, after these steps. before(machine): what to do to it first."""
+    b = board("flash", part=part, faults="run")
     b.machine.cpu.flash[SLOTS : SLOTS + 0x1000] = b"\xff" * 0x1000
     if before:
         before(b.machine)

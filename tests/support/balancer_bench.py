@@ -33,7 +33,7 @@ class Balancer:
     def __init__(self, link: str = "serial", image: Path | None = None) -> None:
         self.link = link
         try:
-            self.machine = machine = Machine(find_image(image))
+            self.machine = machine = Machine(find_image(image), faults="run")
         except UsageError as error:
             pytest.skip(str(error))
         machine.advance_us(BOOT_US)

@@ -16,7 +16,7 @@ class RunningProgram:
     def __init__(self, elf: Path, **options: Any) -> None:
         from plumb.f103 import Machine
 
-        self.machine = Machine(elf.with_suffix(".bin"), **options)
+        self.machine = Machine(elf, **options)
 
     def result(self, index: int) -> int:
         return int(struct.unpack_from("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index)[0])

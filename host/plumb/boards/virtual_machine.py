@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.boards.strap import set_strap
-from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS, find_image, load_own_image
+from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS, claims_to_be_ours, find_image, load_own_image
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -33,13 +33,16 @@ def open_machine(
     """A machine with this image, or this checkout's build, START_US after power-up.
 
     slots: contents of the parameter slots of its flash. strap: setting of the pin-set strap (strap.py).
-    couple(machine) attaches a plant before the board starts.
+    couple(machine) attaches a plant before the board starts. An image of plumb handles its faults, and reports them;
+    a fault of any other ends the run (FaultStop).
 
     Raises UsageError when there is no image, it is damaged, unicorn is missing, or the part or strap is unknown.
     """
     from plumb.f103.machine import Machine
 
-    machine = Machine(load_own_image(find_image(image)), part, seed=seed)
+    path = find_image(image)
+    ours = claims_to_be_ours(load_own_image(path))
+    machine = Machine(path, part, seed=seed, faults="run" if ours else "stop")
     set_strap(machine, strap)
     machine.flash.store(PARAMETER_SLOTS - FLASH_BASE, slots)
     if couple is not None:

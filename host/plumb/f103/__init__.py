@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from plumb.f103.core.bus import SimulationError
-    from plumb.f103.machine import Machine
+    from plumb.f103.machine import FaultStop, Machine
 
-__all__ = ["Machine", "SimulationError"]
+__all__ = ["FaultStop", "Machine", "SimulationError"]
 
 
 def __getattr__(name: str) -> object:
@@ -26,7 +26,7 @@ def __getattr__(name: str) -> object:
         from plumb.f103 import machine
         from plumb.f103.core import bus
 
-        return machine.Machine if name == "Machine" else bus.SimulationError
+        return getattr(bus if name == "SimulationError" else machine, name)
     raise AttributeError(name)
 
 

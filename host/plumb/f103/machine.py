@@ -18,8 +18,9 @@ import signal
 import struct
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from plumb.errors import UsageError
 from plumb.f103.core.bus import Bus, Peripheral, SimulationError
@@ -27,6 +28,7 @@ from plumb.f103.core.cpu import SYSTEM_BASE, Cpu
 from plumb.f103.core.debug import CoreDebug, DbgMcu, Dwt
 from plumb.f103.core.nvic import Nvic
 from plumb.f103.core.probe import Probe
+from plumb.f103.core.program_fault import Places, ProgramFault
 from plumb.f103.core.scb import Scb, SysTick
 from plumb.f103.core.timeline import NEVER, TICKS_PER_S, TICKS_PER_US, Timeline
 from plumb.f103.peripherals.adc import PINS as ADC_PINS
@@ -47,6 +49,7 @@ from plumb.f103.peripherals.tim1 import Bridge, Tim1
 from plumb.f103.peripherals.tim2 import REMAPPED_PINS, Tim2
 from plumb.f103.peripherals.usart import Usart1, Usart3
 from plumb.f103.peripherals.wwdg import Wwdg
+from plumb.f103.program_places import ElfPlaces
 from plumb.f103.snapshot import Snapshot
 from plumb.f103.uart_stream import UartStream
 from plumb.flash.image import check_image, load_image
@@ -87,6 +90,7 @@ PWM_PINS = {
 PWM_REMAP = {"TIM2": 3 << 8, "TIM3": 3 << 10, "TIM4": 1 << 12}
 """Bits of AFIO_MAPR that move a timer to other pins."""
 LOOK_US = 100
+MOST_FAULTS = 100
 PLL_24MHZ = 4 << 18 | 2
 """RCC_CFGR: HSI / 2 x 6."""
 SYSTEM_STACK, SYSTEM_ENTRY = 0x20000200, 0x1FFFF020
@@ -118,12 +122,22 @@ class AdcPins(dict[str, VoltSource]):
         return source(time_s) if callable(source) else source
 
 
+class FaultStop(SimulationError):
+    """The program took a fault, and the machine was not told to run on (faults="run"). fault: what happened. The core
+    stands at the first instruction of its handler: letting time pass runs on."""
+
+    def __init__(self, fault: ProgramFault) -> None:
+        super().__init__(str(fault))
+        self.fault = fault
+
+
 class Machine:
     """One simulated part with an image in its flash. Raises UsageError for a bad image or part.
 
     seed: for the contents of uninitialised RAM and the unique id. crystal: False for a dead crystal. flash_size:
     value of the size register, 0xFFFF on some chips; None: the part's size. lse_left_on: earlier firmware left the 32
-    kHz oscillator on PC14 and PC15 running.
+    kHz oscillator on PC14 and PC15 running. faults: "stop": a fault of the program ends the call that lets time pass
+    with FaultStop; "run": its handler runs, as on silicon. Both note it in `program_faults`.
     """
 
     WIRING = frozenset({"probe"})
@@ -139,6 +153,7 @@ class Machine:
         crystal: bool = True,
         flash_size: int | None = None,
         lse_left_on: bool = False,
+        faults: Literal["stop", "run"] = "stop",
     ) -> None:
         if part not in PARTS:
             raise UsageError(f"'{part}' is not a simulated part; use one of {', '.join(PARTS)}")
@@ -151,6 +166,10 @@ class Machine:
             raise UsageError(f"the image has {len(data)} bytes; {part} has {self.part.flash_kib} KiB of flash")
         self.chance = random.Random(seed)
         self.warnings: list[str] = []
+        self.stops_at_faults = faults == "stop"
+        self.program_faults: list[ProgramFault] = []
+        """Faults that the program took, the first MOST_FAULTS."""
+        self.places: Places = ElfPlaces.of(image)
         self.powered = True
         self.debugger_attached = False
         self.reset_count = 0
@@ -497,6 +516,14 @@ class Machine:
         once."""
         if text not in self.warnings:
             self.warnings.append(text)
+
+    def program_faulted(self, fault: ProgramFault) -> None:
+        """Note a fault that the program took. Raises FaultStop where faults end the run."""
+        fault = replace(fault, place=self.places(fault.pc) if self.stops_at_faults else "")
+        if len(self.program_faults) < MOST_FAULTS:
+            self.program_faults.append(fault)
+        if self.stops_at_faults:
+            raise FaultStop(fault)
 
     def where(self) -> str:
         return f"at {self.now_us:.1f} us, pc near 0x{self.cpu.pc:08X}"

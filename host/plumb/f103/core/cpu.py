@@ -22,6 +22,7 @@ from plumb.f103.core import scb as core
 from plumb.f103.core.bus import Bus, SimulationError
 from plumb.f103.core.crc_loop import AHEAD_BYTES, BEFORE, CODE_BYTES, INSTRUCTIONS, TURN_BYTES, CrcLoop, crc_loop
 from plumb.f103.core.nvic import BUS_FAULT, HARD_FAULT, NMI, SVCALL, USAGE_FAULT
+from plumb.f103.core.program_fault import LOCKUP, NAMES, STACK_WORDS, ProgramFault
 from plumb.f103.peripherals.crc import DR_OFFSET, Crc
 from plumb.process_signals import ending_of
 
@@ -95,9 +96,13 @@ STACKED = (
 )
 FRAME = struct.Struct("<8I")
 _EXCEPTION_SVC, _EXCEPTION_RETURN = 2, 8
+_USAGE_FAULTS = {17: core.CFSR_NOCP, 18: core.CFSR_INVSTATE, 22: core.CFSR_UNALIGNED}
+"""Reasons for which Unicorn stops -> the bit of CFSR."""
 TO_HANDLER, TO_THREAD, TO_THREAD_OF_PROCESS = 0xFFFFFFF1, 0xFFFFFFF9, 0xFFFFFFFD
 """EXC_RETURN: where an exception returns to; the last one pops its frame from the process stack (Armv7-M B1.5.8)."""
 EXC_RETURNS = TO_HANDLER, TO_THREAD, TO_THREAD_OF_PROCESS
+THUMB = 1 << 24
+"""XPSR: a Cortex-M3 executes Thumb instructions only."""
 NOT_PRIVILEGED, ON_PROCESS_STACK = 1, 2
 """CONTROL, in thread mode."""
 _DATA_FAULTS = (UC_ERR_READ_UNMAPPED, UC_ERR_WRITE_UNMAPPED, UC_ERR_WRITE_PROT)
@@ -371,7 +376,11 @@ class Cpu:
             self._return()
         elif self._stop_reason == _EXCEPTION_SVC:
             self._synchronous(SVCALL)
+        elif self._stop_reason in _USAGE_FAULTS:
+            self.machine.scb.cfsr |= _USAGE_FAULTS[self._stop_reason]
+            self._synchronous(USAGE_FAULT)
         elif self._stop_reason:  # a breakpoint without a debugger
+            self.machine.scb.hfsr |= core.HFSR_DEBUGEVT
             self._synchronous(HARD_FAULT)
         elif counted <= limit:
             self.sleeping = True
@@ -425,7 +434,10 @@ class Cpu:
         stack, exc_return = top & 0xFFFFFFFC, TO_HANDLER if machine.nvic.active else TO_THREAD
         if control & ON_PROCESS_STACK:
             stack, exc_return = self._to_main_stack(stack), TO_THREAD_OF_PROCESS
+        place, before = self.pc, self.stack
         self._vector(number, stack, exc_return, ENTRY_CYCLES)
+        if number in NAMES:
+            self._report(number, place, frame[5], before)
 
     def _to_main_stack(self, process_stack: int) -> int:
         """Still in thread mode: keep the process stack's pointer, and return that of the main stack, which is in use
@@ -492,7 +504,9 @@ class Cpu:
         else:
             number = HARD_FAULT
             self.machine.scb.hfsr |= core.HFSR_FORCED
-        self._vector(number, self.stack, 0xF0000000 | exc_return & 0x0FFFFFFF, TAIL_CHAIN_CYCLES)
+        place, before = self.pc, self.stack
+        self._vector(number, before, 0xF0000000 | exc_return & 0x0FFFFFFF, TAIL_CHAIN_CYCLES)
+        self._report(number, place, exc_return, before)
 
     def _fault(self, error: int) -> None:
         """A bad address or instruction: the fault the core would take, or lock-up when it cannot."""
@@ -507,7 +521,8 @@ class Cpu:
             block.cfsr |= core.CFSR_IBUSERR
             self._synchronous(BUS_FAULT)
         elif error == UC_ERR_INSN_INVALID:
-            block.cfsr |= core.CFSR_UNDEFINSTR
+            thumb = self.uc.reg_read(UC_ARM_REG_XPSR) & THUMB
+            block.cfsr |= core.CFSR_UNDEFINSTR if thumb else core.CFSR_INVSTATE
             self._synchronous(USAGE_FAULT)
         else:
             raise SimulationError(f"Unicorn stopped with error {error} at 0x{self.pc:08X}")
@@ -531,6 +546,16 @@ class Cpu:
     def _lock_up(self, why: str) -> None:
         self.locked_up = why
         self.machine.warn(f"the core has locked up: {why}")
+        self._report(LOCKUP, self.pc, int(self.uc.reg_read(UC_ARM_REG_LR)), self.stack, why)
+
+    def _report(self, number: int, pc: int, lr: int, stack: int, lockup: str = "") -> None:
+        """Tell the machine of a fault of the program. stack: its pointer at the instruction that failed."""
+        block = self.machine.scb
+        offset = stack - RAM_BASE
+        words = self.ram[offset : offset + 4 * STACK_WORDS] if 0 <= offset < len(self.ram) else b""
+        stacked = struct.unpack(f"<{len(words) // 4}I", words[: len(words) // 4 * 4])
+        registers = block.cfsr, block.hfsr, block.bfar
+        self.machine.program_faulted(ProgramFault(number, self.base, pc, lr, stack, *registers, stacked, "", lockup))
 
     def _in_ram(self, address: int) -> bool:
         return RAM_BASE <= address <= RAM_BASE + len(self.ram) - FRAME.size

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from plumb.f103.core.probe import Probe
+from plumb.f103.core.program_fault import ProgramFault
 from plumb.f103.core.timeline import Timeline
 
 
@@ -305,6 +306,9 @@ class Mcu(Protocol):
 
     def warn(self, text: str, /) -> None:
         """Record that the firmware did something that silicon tolerates but that is wrong."""
+
+    def program_faulted(self, fault: ProgramFault, /) -> None:
+        """The program took a fault: note it, and end the run unless it is to go on."""
 
     def where(self) -> str:
         """Time and place in the program, for messages."""
