@@ -24,6 +24,7 @@ from typing import Any
 
 from plumb.spec import declarations, parameters
 from plumb.spec.settings import CHOICE, CONSTANTS, FILTER, SAME, SINE, STEPS, bits
+from plumb.spec.tuning import AxisTuning
 
 ROOT = Path(__file__).resolve().parent.parent
 HEADERS = ROOT / "firmware/include/plumb"
@@ -156,25 +157,26 @@ def setting(row: parameters.Parameter) -> str:
     """The line of C that converts the setting of a parameter."""
     assert row.setting is not None
     conversion, binary = row.setting.conversion, bits(row.format)
-    first, last = f'd, "{row.setting.name}", t->{row.setting.name}', f"{row.min}, {row.max}"
+    low, high = row.setting.limits(row.min, row.max)
+    first, last = f'd, "{row.setting.name}", t->{row.setting.name}', f"{low}, {high}"
     if conversion == STEPS:
         call = f"plumb_design_steps({first}, period_us, {last})"
     elif conversion == CHOICE:
         call = f"plumb_design_number({first}, {last})"
     elif conversion == SINE:
-        most = math.degrees(math.asin(row.max / 2**binary))
-        call = f"plumb_design_sine({first}, 0x1p{binary}, {most!r}, {row.max})"
+        most = math.degrees(math.asin(high / 2**binary))
+        call = f"plumb_design_sine({first}, 0x1p{binary}, {most!r}, {high})"
     elif conversion == FILTER:
         # 2^31 - 1 stands for 1; a share below 500 would be more than 0.1 % off.
-        least = 0.0 if row.max == (1 << 31) - 1 else -1 / math.log1p(-row.max / 2**31)
-        most = -1 / math.log1p(-max(row.min, 500) / 2**31)
-        call = f"plumb_design_filter_share({first}, period_us, {least!r}, {most!r}, {row.max})"
+        least = 0.0 if high == (1 << 31) - 1 else -1 / math.log1p(-high / 2**31)
+        most = -1 / math.log1p(-max(low, 500) / 2**31)
+        call = f"plumb_design_filter_share({first}, period_us, {least!r}, {most!r}, {high})"
     else:
         factor = f"wide_of(0x1p{binary})"
         signs = conversion.split() if conversion != SAME else []
         for sign, name in zip(signs[::2], signs[1::2], strict=True):
             factor = f"wide_{'mul' if sign == '*' else 'div'}({factor}, {name})"
-        call = f"plumb_design_formula({first}, {factor}, {last})"
+        call = f"plumb_design_{'saturated' if row.setting.saturates else 'formula'}({first}, {factor}, {last})"
     return f"p->{row.name} = ({row.type}_t){call};"
 
 
@@ -184,10 +186,13 @@ def declared_rows(system: str) -> set[str]:
 
 
 def numbers(tuning: Any, path: str = "") -> list[str]:
-    """Names of the floats of a tuning but those of a tuning in it, which has its own design."""
-    found = []
+    """Names of the floats of a tuning but those of a tuning in it and those of one axis, which have their own
+    designs."""
+    found, designed_apart = [], {entry.name for entry in fields(AxisTuning)} if isinstance(tuning, AxisTuning) else ()
     for entry in fields(tuning):
         value = getattr(tuning, entry.name)
+        if entry.name in designed_apart:
+            continue
         if is_dataclass(value) and not hasattr(value, "system"):
             found += numbers(value, f"{path}{entry.name}.")
         elif entry.type in ("float", float):

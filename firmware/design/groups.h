@@ -118,6 +118,10 @@ void plumb_design_esc(plumb_design_t *d, const plumb_esc_tuning_t *t, plumb_esc_
 int64_t plumb_design_formula(plumb_design_t *d, const char *field, double asked, wide_t factor, int64_t low,
                              int64_t high);
 
+/* The same, where more than `high` is `high`. */
+int64_t plumb_design_saturated(plumb_design_t *d, const char *field, double asked, wide_t factor, int64_t low,
+                               int64_t high);
+
 /* A time as the nearest number of steps. */
 int64_t plumb_design_steps(plumb_design_t *d, const char *field, double seconds, int32_t period_us,
                            int64_t low, int64_t high);

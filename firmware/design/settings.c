@@ -11,6 +11,15 @@ int64_t plumb_design_formula(plumb_design_t *d, const char *field, double asked,
     return plumb_design_scaled(d, field, asked, factor, low, high);
 }
 
+int64_t plumb_design_saturated(plumb_design_t *d, const char *field, double asked, wide_t factor, int64_t low,
+                               int64_t high) {
+    const wide_t exact = wide_mul(wide_of(plumb_design_bounded(asked)), factor), most = wide_of_int(high);
+    if (low >= 0) {
+        plumb_design_not_negative(d, field, asked);
+    }
+    return plumb_design_whole(d, field, asked, wide_compare(exact, most) > 0 ? most : exact, low, high);
+}
+
 int64_t plumb_design_steps(plumb_design_t *d, const char *field, double seconds, int32_t period_us,
                            int64_t low, int64_t high) {
     const wide_t us = wide_product(plumb_design_bounded(seconds), 1e6);

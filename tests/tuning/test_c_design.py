@@ -23,6 +23,7 @@ import pytest
 from plumb.contract.parameters import ControlParams, groups_of, quantise
 from plumb.errors import SettingError, UsageError
 from plumb.systems.attitude.tuning import Mounting
+from plumb.systems.balancer.tuning import most_edges
 from plumb.tuning.variances import lsb_of
 from support import c_design
 from support.campaigns import campaign
@@ -255,7 +256,7 @@ def test_a_refused_design_names_the_setting_and_keeps_the_parameters() -> None:
 @pytest.mark.parametrize(("period_us", "edges"), [(10_000, 40), (2_000, 8), (100_000, 401)])
 def test_most_edges_of_the_balancer_follow_the_period(period_us: int, edges: int) -> None:
     tuning = replace(tunings("balancer")["tuned"], period_us=period_us)
-    assert c_design.design(tuning).words["wheel.edges_max"] == edges == tuning.wheel.most_edges(period_us * 1e-6)
+    assert c_design.design(tuning).words["wheel.edges_max"] == edges == most_edges(tuning.wheel, period_us * 1e-6)
     fixed = replace(tuning, wheel=replace(tuning.wheel, edges_max=40))
     refusal = c_design.design(fixed)
     assert (refusal.field, refusal.most) == ("", 0.0) if edges >= 40 else ("wheel.edges_max", edges)

@@ -12,6 +12,7 @@ from plumb.contract.parameters import dequantise, quantise
 from plumb.errors import SettingError, UsageError
 from plumb.spec import declarations
 from plumb.spec.settings import Setting, read, read_group
+from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.quadrotor.scenarios import TUNINGS
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
 from plumb.tuning.quantities import with_value
@@ -89,6 +90,27 @@ def test_a_declared_setting() -> None:
     assert read(GIVEN) == Setting("level.lean_deg", "deg", "lean", "/ turn")
     assert read({**GIVEN, "conversion": "* turn * dt"}).type == "float"
     assert read({**GIVEN, "conversion": "choice", "default": 1}).type == "int"
+    assert read({"name": "wheel.edges", "unit": "edge", "doc": "edges", "default": 0}).type == "int"
+    assert read({**GIVEN, "low": 1}).limits(0, 9) == (1, 9)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word", "integer"),
+    [
+        ("speed.lean_slew_dps", 1600.0, "speed.slew_q22", 1 << 23),
+        ("speed.lean_slew_dps", 1e4, "speed.slew_q22", 1 << 23),  # saturates
+        ("speed.lean_slew_dps", 800.0, "speed.slew_q22", 1 << 22),
+        ("wheel.edge_m", 0.15, "wheel.edge_mps_q26", 15 << 26),  # its high, 15 m/s, is less than that of the parameter
+    ],
+)
+def test_a_setting_of_balancer_is_its_integer(name: str, value: float, word: str, integer: int) -> None:
+    tuned = with_value(balancer.TUNINGS["tuned"], "wheel.accel_share", 0.0)
+    assert quantise(with_value(tuned, name, value))[word] == integer
+
+
+def test_a_setting_ends_where_its_own_limit_is() -> None:
+    with pytest.raises(SettingError, match=r"wheel\.edge_m = 0\.155: too large for its integer, the most is 0\.15"):
+        quantise(with_value(balancer.TUNINGS["tuned"], "wheel.edge_m", 0.155))
 
 
 @pytest.mark.parametrize(
@@ -102,6 +124,9 @@ def test_a_declared_setting() -> None:
         ({"conversion": "* turn *"}, "conversion is a formula such as"),
         ({"default": "35"}, "default is a number"),
         ({"default": True}, "default is a number"),
+        ({"low": 0.5}, "low is a limit of its integer"),
+        ({"high": True}, "high is a limit of its integer"),
+        ({"saturates": 1}, "saturates is true or false"),
         ({"most": 3}, "most is unknown"),
     ],
 )

@@ -26,7 +26,7 @@
     {.edge_m = 0.0001189997217268861, .edges_max = 0, .tau_s = 0.1, .accel_share = 1.0}
 #define SPEEDLOOP_1 \
     {.lean_deg_per_mps = 10.0, .lean_deg_per_m = 2.0, .lean_deg_per_g = 0.0, .accel_tau_s = 0.0, \
-     .lean_max_deg = 15.0, .lean_slew_dps = 10000.0, .speed_max_mps = 1.0}
+     .lean_slew_dps = 10000.0, .speed_max_mps = 1.0, .lean_max_deg = 15.0}
 #define DRIVE_1 \
     {.span = -0.999969482421875, .duty_max = 0.999969482421875, .fall_deg = 45.0}
 #define BALANCERTUNING_1 \

@@ -47,7 +47,7 @@ extern const plumb_plausibility_bounds_t plumb_balancer_plausibility;
 typedef struct {
     double edge_m;      /* distance of the axle per edge; the sign sets the direction */
     int32_t edges_max;  /* in one period, 1 to 32767, at most 15 m/s; more are clamped and flagged. 0: as many
-                           as  15 m/s are at this period */
+                           as 15 m/s are at this period */
     double tau_s;       /* time constant of the filter of the speed, at least 0 */
     double accel_share; /* fraction of the axle's acceleration subtracted from the forward axis; 0: none */
 } plumb_wheel_tuning_t;
@@ -58,9 +58,9 @@ typedef struct {
     double lean_deg_per_m; /* integral, at least 0 */
     double lean_deg_per_g; /* damping by the axle's acceleration */
     double accel_tau_s;    /* time constant of the filter of that acceleration, at least 0 */
-    double lean_max_deg;   /* above 0, at most 22.5 */
     double lean_slew_dps;  /* above 0 */
     double speed_max_mps;  /* 0 to 8; setpoints beyond are clamped and flagged */
+    double lean_max_deg;   /* above 0, at most 22.5 */
 } plumb_speed_tuning_t;
 
 /* Duty of the bridge: span * command, within +-duty_max. */

@@ -34,13 +34,17 @@ FORMULA = re.compile(r"[*/] \w+( [*/] \w+)*")
 @dataclass(frozen=True)
 class Setting:
     """name: whole (`level.lean_max_deg`). conversion: "" where `quantise.py` converts. default: None if a tuning has to
-    give it; an int for a CHOICE."""
+    give it; an int for a CHOICE, and for a whole number that `quantise.py` converts. low, high: limits of the integer
+    where they are narrower than those of the parameter. saturates: more than the largest integer is that integer."""
 
     name: str
     unit: str
     doc: str
     conversion: str = ""
     default: float | None = None
+    low: int | None = None
+    high: int | None = None
+    saturates: bool = False
 
     @property
     def group(self) -> str:
@@ -50,7 +54,11 @@ class Setting:
     @property
     def type(self) -> str:
         """Of the field in the tuning."""
-        return "int" if self.conversion == CHOICE else "float"
+        return "int" if self.conversion == CHOICE or (not self.conversion and type(self.default) is int) else "float"
+
+    def limits(self, least: int, most: int) -> tuple[int, int]:
+        """Limits of its integer, in a parameter of least to most."""
+        return least if self.low is None else self.low, most if self.high is None else self.high
 
 
 @dataclass(frozen=True)
@@ -143,10 +151,16 @@ def read(given: object, doc: str = "") -> Setting:
     default = given.get("default")
     if isinstance(default, bool) or not isinstance(default, int | float | None):
         raise UsageError(f"setting {name}: default is a number, not {default!r:.40}")
-    unknown = sorted(given.keys() - {"name", "default", *texts})
+    low, high, saturates = given.get("low"), given.get("high"), given.get("saturates", False)
+    for key, limit in (("low", low), ("high", high)):
+        if isinstance(limit, bool) or not isinstance(limit, int | None):
+            raise UsageError(f"setting {name}: {key} is a limit of its integer, not {limit!r:.40}")
+    if not isinstance(saturates, bool):
+        raise UsageError(f"setting {name}: saturates is true or false, not {saturates!r:.40}")
+    unknown = sorted(given.keys() - {"name", "default", "low", "high", "saturates", *texts})
     if unknown:
         raise UsageError(f"setting {name}: {unknown[0]} is unknown")
-    return Setting(name, default=default, **texts)
+    return Setting(name, default=default, low=low, high=high, saturates=saturates, **texts)
 
 
 def read_group(name: str, given: object) -> SettingGroup:

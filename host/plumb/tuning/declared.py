@@ -43,32 +43,33 @@ def setting_words(tuning: AnyTuning, names: Names = NOTHING) -> dict[str, int]:
 def setting_word(row: Parameter, setting: Setting, asked: float, names: Names) -> int:
     """The integer of one setting, within the range of its parameter."""
     name, conversion, scale = setting.name, setting.conversion, 1 << bits(row.format)
+    low, high = setting.limits(row.min, row.max)
     if conversion == CHOICE:
-        if asked not in range(row.min, row.max + 1):
-            choices = " or ".join(map(str, range(row.min, row.max + 1)))
-            refuse(name, asked, choices, row.min, row.max)
+        if asked not in range(low, high + 1):
+            refuse(name, asked, " or ".join(map(str, range(low, high + 1))), low, high)
         return int(asked)
-    if asked < 0 <= row.min:
+    if asked < 0 <= low:
         refuse(name, asked, "it cannot be negative", 0.0)
     exact = to_number(conversion, asked, names) * scale
     if conversion in (STEPS, SINE, FILTER):
         return _bent(row, setting, asked, exact, names)
-    return whole(name, asked, exact, row.min, row.max)
+    return whole(name, asked, min(exact, Fraction(high)) if setting.saturates else exact, low, high)
 
 
 def _bent(row: Parameter, setting: Setting, asked: float, exact: Fraction, names: Names) -> int:
     """The integer of a setting that is not proportional to it: its limits are those of the integers, converted. A share
     of less than 500 would be more than 0.1 % off."""
-    low = max(row.min, 500) if setting.conversion == FILTER else row.min
-    at_low, at_high = (from_number(setting.conversion, _number(row, word), names) for word in (low, row.max))
+    low, high = setting.limits(row.min, row.max)
+    fine = max(low, 500) if setting.conversion == FILTER else low
+    at_low, at_high = (from_number(setting.conversion, _number(row, word), names) for word in (fine, high))
     if setting.conversion == STEPS:
-        if not row.min <= exact <= row.max:
-            refuse(setting.name, asked, f"{row.min} to {row.max} steps", at_low, at_high)
+        if not low <= exact <= high:
+            refuse(setting.name, asked, f"{low} to {high} steps", at_low, at_high)
         return int(exact)
     least, most = sorted((at_low, at_high))
     if not least <= asked <= most:
         refuse(setting.name, asked, f"{least:.4g} to {most:.4g} {setting.unit}", least, most)
-    return min(max(round(exact), row.min), row.max)
+    return min(max(round(exact), low), high)
 
 
 def _number(row: Parameter, word: int) -> float:
@@ -78,19 +79,24 @@ def _number(row: Parameter, word: int) -> float:
 
 
 def settings_of(
-    kind: type[Group], params: ControlParams, path: str, names: Names = NOTHING, own: Mapping[str, float] = NOTHING
+    kind: type[Group],
+    params: ControlParams,
+    path: str,
+    names: Names = NOTHING,
+    own: Mapping[str, float] = NOTHING,
+    system: str = "",
 ) -> Group:
     """A group of settings that the words represent, with the groups in it. path: its name in the tuning; own: values of
-    the settings without a conversion, by their whole names."""
+    the settings without a conversion, by their whole names; system: that declares the group, "" for that in use."""
     known = {**CONSTANTS, "dt": params.period_s, **names}
-    rows = {setting.name: (row, setting) for row, setting in _rows(params.system)}
+    rows = {setting.name: (row, setting) for row, setting in _rows(system or params.system)}
     values: dict[str, object] = {}
     hints = get_type_hints(kind)
     assert is_dataclass(kind)
     for entry in fields(kind):
         name, inner = f"{path}.{entry.name}", hints[entry.name]
         if is_dataclass(inner) and isinstance(inner, type):
-            values[entry.name] = settings_of(inner, params, name, names, own)
+            values[entry.name] = settings_of(inner, params, name, names, own, system)
         elif name in own:
             values[entry.name] = own[name]
         else:

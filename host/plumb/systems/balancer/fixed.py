@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from plumb.kernels.fixed import kernels, plausibility, validity
 from plumb.kernels.fixed.kernels import KalmanState, Params, PidState
 from plumb.kernels.integers import clamp, mulhi_i32, wrap_i16, wrap_i32
+from plumb.spec import declarations
 
 (
     FLAG_GYRO_CLAMPED, FLAG_ACCEL_X_CLAMPED, FLAG_ACCEL_Z_CLAMPED, FLAG_COMMAND_LIMITED, FLAG_WHEEL_CLAMPED,
@@ -132,13 +133,9 @@ def control_retune(c: BalancerState, old: Params, new: Params) -> None:
 def control_valid(p: Params) -> bool:
     channels = all(validity.calibration(p, group) for group in ("gyro", "accel", "accel_up"))
     filters = validity.wheel(p) and validity.tilt(p) and validity.kalman(p)
-    return channels and filters and validity.pid(p, "speed") and validity.pid(p) and _drive_valid(p)
-
-
-def _drive_valid(p: Params) -> bool:
-    within = (("speed_max_mps_q26", 0, 8 << 26), ("lean_max_turn_q34", 0, 1 << 30), ("span_q15", -32767, 32767),
-              ("duty_max_q15", 0, 32767), ("fall_turn_q32", 0, 1 << 31))  # fmt: skip
-    return all(low <= p[f"drive.{name}"] <= high for name, low, high in within)
+    rows = declarations.system("balancer").parameters
+    within = all(row["min"] <= p[row["name"]] <= row["max"] for row in rows)
+    return channels and filters and validity.pid(p, "speed") and validity.pid(p) and within
 
 
 PLAUSIBLE = plausibility.Bounds(

@@ -12,7 +12,8 @@ from plumb.kernels.reference import kernels
 from plumb.kernels.reference.kernels import KalmanState, Number, PidState
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Pid
-from plumb.systems.balancer.tuning import BalancerTuning, SpeedLoop, Wheel
+from plumb.systems.balancer.settings import SpeedLoop, Wheel
+from plumb.systems.balancer.tuning import BalancerTuning, most_edges
 
 GRAVITY_MPS2 = 9.80665
 
@@ -30,7 +31,7 @@ def wheel_step(c: WheelState, settings: Wheel, period_s: float, hall: Number) ->
     the axle in g: accel_share of the slope of the filtered velocity."""
     edges = 0.0 * hall if c.hall is None else (hall - c.hall + 32768.0) % 65536.0 - 32768.0
     c.hall = hall
-    most = settings.most_edges(period_s)
+    most = most_edges(settings, period_s)
     speed = kernels.clip(edges, -most, most) * settings.edge_m / period_s
     share = 1.0 - math.exp(-period_s / settings.tau_s) if settings.tau_s else 1.0
     slope = share * (speed - c.velocity_mps) / period_s

@@ -26,7 +26,8 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Calibration, Kalman, Pid, Start, Trust
 from plumb.systems.balancer.drawn_run import ACCELEROMETER, CHANNELS, GYRO, Ride, Scenario
 from plumb.systems.balancer.plant import BalancerPlant
-from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
+from plumb.systems.balancer.settings import Drive, SpeedLoop, Wheel
+from plumb.systems.balancer.tuning import BalancerTuning
 from plumb.systems.balancer.vehicle import EDGE_M, GRID_S, Vehicle
 from plumb.systems.run_length import length_s
 

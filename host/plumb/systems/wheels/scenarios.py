@@ -22,7 +22,8 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Calibration, Channel, Kalman, Pid, Start, Trust
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer import vehicle as one_motor
-from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
+from plumb.systems.balancer.settings import Drive, SpeedLoop, Wheel
+from plumb.systems.balancer.tuning import BalancerTuning
 from plumb.systems.random_events import EVENTS_ALL, EVENTS_NOTE, RANDOM, check_conditions
 from plumb.systems.run_length import length_s
 from plumb.systems.wheels import random_rides, rides
