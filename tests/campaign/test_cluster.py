@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -22,8 +23,7 @@ from plumb.campaign.results import Results
 from plumb.campaign.study import Study, from_table
 from plumb.errors import LinkError, UsageError
 
-pytest.importorskip("distributed")
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is missing")]
 STUDY = {"system": "quad", "runs": 64, "seconds": 4}
 
 

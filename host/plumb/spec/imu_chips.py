@@ -33,7 +33,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -60,12 +60,21 @@ class Step:
 
 @dataclass(frozen=True)
 class Sensor:
-    """Gyro or accelerometer of a chip. counts_per_unit: per deg/s, per g. still: by option, from option_first on."""
+    """Gyro or accelerometer of a chip. counts_per_unit: per deg/s, per g. noise_counts, apart_s: by option, from
+    option_first on: least noise at rest of each axis, rms, and the time between readings that do not know of each
+    other."""
 
     at: int
     counts_per_unit: float
     option_hz: tuple[float, ...]
-    still: tuple[Still, ...]
+    noise_counts: tuple[tuple[float, ...], ...]
+    apart_s: tuple[float, ...]
+
+    @cached_property
+    def still(self) -> tuple[Still, ...]:
+        """By option: how long counts may stand still. Found when first asked for, which most commands never do: it
+        takes longer than to read all declarations of the systems."""
+        return tuple(limits(noise, apart_s) for noise, apart_s in zip(self.noise_counts, self.apart_s, strict=True))
 
 
 @dataclass(frozen=True)
@@ -144,8 +153,8 @@ def _noise(given: Mapping[str, Any], hz: float, counts: float) -> tuple[float, .
 def _sensor(given: Mapping[str, Any]) -> Sensor:  # Any: an entry of TOML
     counts, options = given["counts_per_unit"], tuple(given["option_hz"])
     apart = 1.0 if given.get("sampled") else 0.5  # of a period: readings of an output rate, of a bandwidth
-    still = tuple(limits(_noise(given, hz, counts), apart / hz) for hz in options)
-    return Sensor(given["at"], counts, options, still)
+    noise_counts = tuple(_noise(given, hz, counts) for hz in options)
+    return Sensor(given["at"], counts, options, noise_counts, tuple(apart / hz for hz in options))
 
 
 def _chip(name: str, given: dict[str, Any]) -> Chip:  # Any: an entry of TOML
