@@ -159,6 +159,7 @@ generate: ## write all that is generated; say what changed
 	@$(VENV)/python tools/gen_c_reference.py
 	@$(VENV)/python tools/gen_protocol.py
 	@$(VENV)/python tools/gen_commands.py
+	@$(VENV)/python tools/gen_formats.py
 	@$(VENV)/python tools/gen_floors.py
 	@$(LISTED) | diff $(GENERATED_BEFORE) - | sed -n 's/^> [0-9a-f]*  /changed: /p'
 

@@ -119,6 +119,10 @@ def test_the_page_of_the_commands_has_what_they_print() -> None:
     assert stale("gen_commands") == ""
 
 
+def test_the_table_of_formats_has_what_the_readers_declare() -> None:
+    assert stale("gen_formats") == ""
+
+
 def test_the_page_of_the_c_library_has_the_comments_of_its_headers() -> None:
     assert stale("gen_c_reference") == ""
 

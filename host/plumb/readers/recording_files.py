@@ -18,6 +18,7 @@ from plumb.errors import UsageError
 from plumb.files import input_files
 from plumb.files.bounded_reader import MIB, Limits, pieces_of
 from plumb.readers.imu_files import frames, table_sets, tables, text_files, ulog
+from plumb.readers.imu_files.formats import Format
 from plumb.readers.imu_files.given import Given, of_text
 from plumb.readers.imu_files.header_words import G_MPS2 as G_MPS2
 from plumb.readers.imu_files.tables import MOST_SAMPLES, too_long
@@ -32,6 +33,9 @@ LIMITS = Limits(cpu_s=(10.0, 10.0), memory_bytes=(1024 * MIB, 1), output_bytes=(
 """Limits for reading one recording. A line of a table costs ten conversions of text; 13 columns are the most that are
 read."""
 NPZ_NAMES = ("gyr", "acc", "rate_hz", "time_s", "ref_quat", "movement")
+FORMATS = (
+    Format("numpy", "`.npz` with `gyr`, `acc`, and `time_s` or `rate_hz`", "s, rad/s, m/s2; `ref_quat`, `movement`"),
+)
 _ADVICE = "give a recording, .npz or .csv"
 _TAKEN = "taken"
 NOTHING = Given()

@@ -43,7 +43,7 @@ def _xsens(time: str, unit: str, wrap: float, *, dot: bool) -> Convention:
     )
 
 
-def _conventions(before: Sequence[str]) -> list[Convention]:
+def conventions(before: Sequence[str]) -> list[Convention]:
     """before: the lines before the header."""
     text = "\n".join(before)
     named, rate = _ACC_1G.search(text), _XSENS_RATE.search(text)
@@ -116,7 +116,7 @@ class Conventional:
 def conventional(header: Sequence[str], before: Sequence[str]) -> Conventional | None:
     """By the convention that has all of its columns in the header; None for none."""
     names = [without_unit(cell).lower() for cell in header]
-    for one in _conventions(before):
+    for one in conventions(before):
         needed = {q: columns for q, columns in one.columns.items() if q != "ref"}
         if not all(name in names for columns in needed.values() for name in columns):
             continue

@@ -9,7 +9,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
+from plumb.readers.imu_files.formats import Format
 from plumb.readers.imu_files.header_words import UNITS, Meaning, meaning
+
+FORMATS = (
+    Format(
+        "a serial monitor",
+        "`Accel X: 0.10, Y: 0.20, Z: 9.80 m/s^2`, `AcX = 12 \\| AcY = ...`, `a/g: 1 2 3 4 5 6`",
+        'units as printed, else `--units`; the stamps of the monitor, else `--units "time=1/100 s"`',
+    ),
+)
 
 _UNITS = sorted({unit for one in ("gyr", "acc") for unit in UNITS[one]}, key=len, reverse=True)
 _PAIR = re.compile(

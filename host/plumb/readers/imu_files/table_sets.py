@@ -12,11 +12,26 @@ import numpy as np
 
 from plumb.errors import UsageError
 from plumb.readers.imu_files import tables, text_files
+from plumb.readers.imu_files.formats import Format
 from plumb.readers.imu_files.given import Given
 from plumb.readers.imu_files.tables import Columns, Part
 
 Members = Mapping[str, Callable[[], IO[bytes]]]
 MOST_MEMBERS = 200
+FORMATS = (
+    Format(
+        "Sensor Logger",
+        "a folder or zip: `Gyroscope.csv`, `TotalAcceleration.csv` or `Accelerometer.csv` with `Gravity.csv`",
+        "`seconds_elapsed` of each file; rad/s, m/s2; the accelerometer is drawn to the stamps of the gyro; the files "
+        "of a watch are left out",
+    ),
+    Format(
+        "phyphox",
+        "the zip of CSV: `Gyroscope.csv`, `Accelerometer.csv`",
+        "units of the headers, drawn to the stamps of the gyro; `Linear Acceleration.csv` lacks gravity, and is left "
+        "out",
+    ),
+)
 _SENSOR_NAMES = (
     ("gyr", r"gyro(?:scope)?|gyroscopeuncalibrated"),
     ("acc", r"totalacceleration|acceleration|accelerometer|accelerometeruncalibrated|acc|accel"),

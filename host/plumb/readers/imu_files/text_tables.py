@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from plumb.errors import UsageError
 from plumb.readers.imu_files.conventions import conventional
+from plumb.readers.imu_files.formats import Header
 from plumb.readers.imu_files.given import COUNTS, PARTS, SHOWN, Given
 from plumb.readers.imu_files.header_words import UNITS, Meaning, meaning, unit_of
 from plumb.readers.imu_files.moments import is_moment
@@ -18,6 +19,38 @@ SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "space"}
 SENSORS = ("gyr", "acc")
 MOMENT = "date-time"
 """The unit of stamps that are a date or a time of day."""
+
+HEADERS = (
+    Header(
+        "x-io: x-IMU, NGIMU, x-IMU3, Fusion",
+        "Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),Accelerometer Y (g),"
+        "Accelerometer Z (g)",
+        "one file or the folder; `Packet number` asks for its rate",
+    ),
+    Header(
+        "phyphox, one table",
+        "Time (s),Gyroscope x (rad/s),Gyroscope y (rad/s),Gyroscope z (rad/s),Acceleration x (m/s^2),"
+        "Acceleration y (m/s^2),Acceleration z (m/s^2)",
+        "the acceleration with gravity",
+    ),
+    Header(
+        "AndroSensor",
+        "ACCELEROMETER X (m/s²);ACCELEROMETER Y (m/s²);ACCELEROMETER Z (m/s²);GYROSCOPE X (rad/s);GYROSCOPE Y (rad/s);"
+        "GYROSCOPE Z (rad/s);Time since start in ms",
+    ),
+    Header(
+        "EuRoC",
+        "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],"
+        "a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]",
+    ),
+    Header(
+        "any table",
+        "t_ms,gx_dps,gy_dps,gz_dps,ax_mg,ay_mg,az_mg",
+        "or units in the row below; separated by comma, semicolon, tab or spaces; decimal commas; dates or times of "
+        "day as stamps; any encoding, or gzip",
+    ),
+)
+"""Headers of known programs, which their words and units explain."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from plumb.errors import UsageError
+from plumb.readers.imu_files.formats import Format
 from plumb.readers.imu_files.header_words import G_MPS2
 from plumb.readers.imu_files.tables import MOST_SAMPLES, Columns, too_long
 
@@ -26,6 +27,13 @@ _TYPES = {
     "int64_t": "<i8", "uint64_t": "<u8", "float": "<f4", "double": "<f8", "bool": "u1", "char": "S1",
 }  # fmt: skip
 SENSORS, ATTITUDE = "sensor_combined", "vehicle_attitude"
+FORMATS = (
+    Format(
+        "PX4",
+        "the log itself, `.ulg`",
+        f"`{SENSORS}` in us, rad/s, m/s2; `{ATTITUDE}` as the reference; `--frame frd`",
+    ),
+)
 
 
 def read(path: Path, taken: list[str]) -> Columns:
