@@ -153,6 +153,19 @@ def settings(system: str, tuning: Any) -> str:
     return "\n".join([*lines, *(f"    {setting(row)}" for row in rows), "}", ""])
 
 
+def shared_group(group: str) -> str:
+    """Conversions of a shared group of settings whose formulas have no constants of their own."""
+    rows = [row for row in parameters.table() if row.setting and row.setting.group == group]
+    used = {name for row in rows for name in NAMED.findall(row.setting.conversion if row.setting else "")}
+    assert used <= {*CONSTANTS, "dt"}
+    lines = [FIRST.rstrip(), "/* clang-format off */", '#include "design/groups.h"', ""]
+    lines += [f"static void {group}_words(plumb_design_t *d, const plumb_{group}_tuning_t *t, int32_t period_us,"]
+    lines += [f"{' ' * (len(group) + 19)}plumb_{group}_params_t *p) {{"]
+    lines += [f"    const wide_t {name} = wide_of({float(CONSTANTS[name])!r});" for name in sorted(used - {"dt"})]
+    lines += ["    const wide_t dt = wide_div(wide_of((double)period_us), wide_of(1e6));"] if "dt" in used else []
+    return "\n".join([*lines, *(f"    {setting(row)}" for row in rows), "}", ""]).replace(f"->{group}.", "->")
+
+
 def setting(row: parameters.Parameter) -> str:
     """The line of C that converts the setting of a parameter."""
     assert row.setting is not None
@@ -202,7 +215,7 @@ def numbers(tuning: Any, path: str = "") -> list[str]:
 
 def texts() -> dict[Path, str]:
     """Path -> text of each file."""
-    files = {}
+    files = {DESIGNS.parent / "pid_settings.h": shared_group("pid")}
     for system in designed():
         scenarios = importlib.import_module(f"plumb.systems.{system}.scenarios")
         files[HEADERS / f"{system}_tunings.h"] = header(system, scenarios)

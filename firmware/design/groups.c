@@ -1,4 +1,5 @@
 #include "groups.h"
+#include "pid_settings.h"
 
 #define CALIBRATION_MOST 1879048192 /* 7 * 2^28 */
 
@@ -133,18 +134,6 @@ double plumb_design_share(double x) {
     return e;
 }
 
-int32_t plumb_design_filter_q31(plumb_design_t *d, const char *field, double tau_s, int32_t period_us,
-                                double *share) {
-    plumb_design_not_negative(d, field, tau_s);
-    *share = tau_s > 0.0 ? plumb_design_share((double)period_us / 1e6 / tau_s) : 1.0;
-    const double exact = *share * 2147483648.0;
-    if (exact < 500.0) {
-        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, field, tau_s, 0.0,
-                            (double)period_us / 1e6 * 0x1p31 / 500.0);
-    }
-    return (int32_t)plumb_design_whole(d, field, tau_s, wide_of(exact), 0, DESIGN_WORD_MAX);
-}
-
 wide_t plumb_design_turn_unit(void) {
     return wide_div(wide_of(268435456.0), wide_of(360.0));
 }
@@ -190,24 +179,5 @@ void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names
 
 void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t period_us,
                       plumb_pid_params_t *words) {
-    const int64_t limit = 1 << 30;
-    double share;
-    words->d_alpha_q31 =
-        plumb_design_filter_q31(d, "pid.derivative_tau_s", pid->derivative_tau_s, period_us, &share);
-    if (pid->slew_per_s <= 0.0) {
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "pid.slew_per_s", pid->slew_per_s, 0.0,
-                            DESIGN_NO_LIMIT);
-    }
-    words->kp_q22 = (int32_t)plumb_design_scaled(d, "pid.kp_per_deg", pid->kp_per_deg,
-                                                 wide_of(360.0 * 0x1p22), -limit, limit);
-    words->ki_dt_q22 =
-        (int32_t)plumb_design_scaled(d, "pid.ki_per_deg_s", pid->ki_per_deg_s,
-                                     design_per_period(360.0 * 0x1p22, period_us), 0, DESIGN_WORD_MAX);
-    words->kd_q27 = (int32_t)plumb_design_scaled(d, "pid.kd_per_dps", pid->kd_per_dps,
-                                                 wide_of(360.0 * 0x1p27), -limit, limit);
-    const wide_t slew = design_per_period(plumb_design_bounded(pid->slew_per_s), period_us);
-    const wide_t most = wide_of(2.0);
-    words->slew_q22 = (int32_t)plumb_design_whole(
-        d, "pid.slew_per_s", pid->slew_per_s,
-        wide_mul(wide_compare(slew, most) > 0 ? most : slew, wide_of(0x1p22)), 1, 1 << 23);
+    pid_words(d, pid, period_us, words);
 }

@@ -51,11 +51,6 @@ int64_t plumb_design_scaled(plumb_design_t *d, const char *field, double asked, 
 /* 1 - exp(-x), x >= 0, within 2^-48 of itself. */
 double plumb_design_share(double x);
 
-/* The share of a first-order filter, 1 - exp(-period / tau), Q31; 2^31 - 1 for tau = 0. *share: the same as a
- * number. */
-int32_t plumb_design_filter_q31(plumb_design_t *d, const char *field, double tau_s, int32_t period_us,
-                                double *share);
-
 /* A setting of any size, moved to within +-2^400 and, other than 0, not below 2^-400: no integer sees the
  * difference. */
 double plumb_design_bounded(double x);

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from plumb.errors import UsageError
-from plumb.spec import declarations, imu_chips
+from plumb.spec import declarations, imu_chips, settings
 from plumb.spec.settings import Setting
 from plumb.spec.speed_controllers import GAP_HALFUS, foreign_parameter
 from plumb.spec.system import System, TomlTable, group_of
@@ -88,7 +88,11 @@ def _system_row() -> Parameter:
 
 def _row(given: TomlTable) -> Parameter:
     """A declared row. The text of a calibration row also names the channels that it calibrates, for each system."""
-    row = Parameter(**{**given, **{key: tuple(given.get(key, ())) for key in ("was", "weakens", "armed")}})
+    setting = given.get("setting")
+    if setting is not None and not isinstance(setting, Setting):
+        setting = settings.read(setting, given["doc"])
+    lists = {key: tuple(given.get(key, ())) for key in ("was", "weakens", "armed")}
+    row = Parameter(**{**given, **lists, "setting": setting})
     if row.name == "accel_bus":
         ways = imu_chips.ways()
         return replace(row, max=len(ways) - 1, doc=f"{row.doc}: {imu_chips.ways_text()}")
@@ -106,10 +110,15 @@ def _own_row(given: TomlTable, system: System) -> Parameter:
     return row if row.weakens or row.harmless else replace(row, harmless=f"{system.name} drives nothing")
 
 
+def shared_rows() -> list[Parameter]:
+    """The rows of parameters.toml: of shared groups, and of the link."""
+    return [_row(row) for row in declarations.shared()["parameter"]]
+
+
 def load() -> tuple[Parameter, ...]:
     """The rows in order: system, shared groups, groups of the systems in the order of their names, link. Raises
     UsageError for an invalid row."""
-    given = [_row(row) for row in declarations.shared()["parameter"]]
+    given = shared_rows()
     own = [_own_row(row, system) for _, system in sorted(declarations.systems().items()) for row in system.parameters]
     control = [_system_row(), *(row for row in given if row.owner == "control"), *own]
     rows = (*control, *(row for row in given if row.owner == "link"))

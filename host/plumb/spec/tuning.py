@@ -2,42 +2,27 @@
 
 Frozen dataclasses of floats, in the order of the data flow; names carry the units: deg, deg/s (dps), g, s, us. Every
 field says its unit and its meaning with `quantity`, from which `plumb params` and `board.params` take them. This module
-has the settings of the kernels that systems share; a system's own tuning is in `plumb.systems.NAME.tuning`.
+has the settings of the kernels that systems share (Pid and Esc are declared in parameters.toml); a system's own tuning
+is in `plumb.systems.NAME.tuning`.
 `plumb.contract.parameters` converts a tuning to the integers of the firmware and back; `plumb.contract.run_reference`
 uses a tuning directly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import Field, dataclass, field
 from typing import Any, ClassVar, Literal, Protocol
+
+from plumb.spec.quantity import CHOICE as CHOICE
+from plumb.spec.quantity import NUMBER as NUMBER
+from plumb.spec.quantity import Quantity as Quantity
+from plumb.spec.quantity import quantity as quantity
+from plumb.spec.shared_settings import Esc as Esc
+from plumb.spec.shared_settings import Pid as Pid
 
 TiltMode = Literal["arcsine", "atan2"]
 RateChoice = Literal["previous", "current", "trapezium"]
 """Trapezium: the mean of both samples."""
-CHOICE = "choice"
-"""Unit of a field whose value is one of a few names: a `Literal`."""
-NUMBER = "1"
-"""Unit of a pure number."""
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """What a field of a tuning is.
-
-    unit: of a number; CHOICE; NUMBER. The word `unit` in it stands for the unit of the group that the field is in.
-    meaning: a phrase; that of a group precedes those of its fields. also: another whole name of the setting.
-    """
-
-    unit: str
-    meaning: str
-    also: str = ""
-
-
-def quantity(unit: str, meaning: str, also: str = "") -> Mapping[str, Quantity]:
-    """The metadata of a field: `kp_per_deg: float = field(default=0.0, metadata=quantity("1/deg", "gain"))`."""
-    return {"quantity": Quantity(unit, meaning, also)}
 
 
 @dataclass(frozen=True)
@@ -112,42 +97,6 @@ class Start:
     p11_dps2: float = field(
         default=25.0, metadata=quantity("(deg/s)^2", "variance of the bias before the first sample")
     )
-
-
-@dataclass(frozen=True)
-class Pid:
-    """Command in [-1, 1] from the tilt error in deg. The D term acts on the measured rate behind a first-order
-    low-pass.
-
-    slew_per_s: largest change of the command per second. Esc.span_us sets what a command of 1 does and its direction.
-    """
-
-    kp_per_deg: float = field(
-        default=0.0, metadata=quantity("1/deg", "proportional gain: command per deg of tilt error")
-    )
-    ki_per_deg_s: float = field(
-        default=0.0, metadata=quantity("1/(deg s)", "integral gain: command per deg of tilt error and second")
-    )
-    kd_per_dps: float = field(
-        default=0.0, metadata=quantity("1/(deg/s)", "derivative gain: command per deg/s of measured rate")
-    )
-    derivative_tau_s: float = field(
-        default=0.0, metadata=quantity("s", "time constant of the rate's low-pass in the D term; 0 is none")
-    )
-    slew_per_s: float = field(default=1000.0, metadata=quantity("1/s", "largest change of the command per second"))
-
-
-@dataclass(frozen=True)
-class Esc:
-    """Pulses of the two opposing motors: mid +- span * command, clamped to [min, max]; neutral while disarmed."""
-
-    mid_us: float = field(default=1500.0, metadata=quantity("us", "pulse at command 0"))
-    span_us: float = field(
-        default=400.0, metadata=quantity("us", "change of the pulse at command 1; its sign turns the direction")
-    )
-    min_us: float = field(default=1000.0, metadata=quantity("us", "shortest pulse while driving"))
-    max_us: float = field(default=2000.0, metadata=quantity("us", "longest pulse while driving"))
-    neutral_us: float = field(default=1000.0, metadata=quantity("us", "pulse while disarmed: motor off"))
 
 
 TILT_MEANING = "tilt from acceleration: arcsine of the horizontal axis / 1 g, or atan2 with the axis upwards"

@@ -14,16 +14,21 @@ from plumb.spec import declarations, parameters
 from plumb.spec.parameters import Parameter
 from plumb.spec.settings import CHOICE, CONSTANTS, FILTER, SINE, STEPS, Names, Setting, bits, from_number, to_number
 from plumb.spec.tuning import AnyTuning
-from plumb.tuning.groups import check_numbers, refuse, whole
+from plumb.tuning.whole import check_numbers, refuse, whole
 
 Group = TypeVar("Group")
 NOTHING: Mapping[str, float] = {}
 
 
+SHARED = "*"
+"""In place of a system: the groups that systems share."""
+
+
 @cache
 def _rows(system: str) -> tuple[tuple[Parameter, Setting], ...]:
     """The system's own parameters that have a setting."""
-    own = {row["name"] for row in declarations.system(system).parameters}
+    rows = declarations.shared()["parameter"] if system == SHARED else declarations.system(system).parameters
+    own = {row["name"] for row in rows}
     return tuple((row, row.setting) for row in parameters.table() if row.setting and row.name in own)
 
 
@@ -37,6 +42,21 @@ def setting_words(tuning: AnyTuning, names: Names = NOTHING) -> dict[str, int]:
     return {
         row.name: setting_word(row, setting, attrgetter(setting.name)(tuning), known)
         for row, setting in _rows(tuning.system)
+    }
+
+
+@cache
+def shared_settings(group: str) -> tuple[tuple[Parameter, Setting], ...]:
+    """The parameters of a shared group that have a setting."""
+    return tuple((row, setting) for row, setting in _rows(SHARED) if setting.group == group)
+
+
+def group_words(group: str, settings: object, names: Names) -> dict[str, int]:
+    """The words of a shared group of settings. names: constants of its formulas besides those that all have."""
+    known, place = {**CONSTANTS, **names}, len(group) + 1
+    return {
+        row.name: setting_word(row, setting, float(getattr(settings, setting.name[place:])), known)
+        for row, setting in shared_settings(group)
     }
 
 

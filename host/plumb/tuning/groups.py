@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, NoReturn, TypedDict, get_args
+from typing import TypedDict, get_args
 
 from plumb.contract.parameters import ControlParams
 from plumb.errors import SettingError, UsageError
-from plumb.spec import parameters
 from plumb.spec.speed_controllers import ONE_WAY, foreign_parameter
 from plumb.spec.tuning import (
-    AnyTuning,
     AxisTuning,
     Calibration,
     Channel,
@@ -30,10 +27,9 @@ from plumb.spec.tuning import (
     TiltMode,
     Trust,
 )
+from plumb.tuning.declared import SHARED, group_words, setting_word, settings_of, shared_settings
 from plumb.tuning.variances import lsb_of
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+from plumb.tuning.whole import TOLERANCE, check_numbers, not_negative, refuse, whole
 
 CALIBRATION_LIMIT = 7 << 28
 VARIANCE_MAX = 1 << 56
@@ -44,72 +40,12 @@ BIAS_MAX = ((1 << 26) - 1) << 32
 """Largest initial bias per step, turn Q61."""
 QB_MAX = (1 << 62) - 1
 """Largest process noise of the bias, in 2^-30 lsb."""
-TOLERANCE = Fraction(1, 1000)
 DEG2 = Fraction(1, 360**2)
 """Square degrees in turn^2."""
+HALF = {"half": Fraction(1, 2)}
+"""Pulses are in half-microseconds."""
 RATES: tuple[RateChoice, ...] = get_args(RateChoice)
 """Each at the place that is its integer."""
-
-
-def refuse(name: str, asked: float, reason: str, least: float = -math.inf, most: float = math.inf) -> NoReturn:
-    """Raises SettingError that names the setting, its value, the reason, and what the setting may be."""
-    raise SettingError(f"{name} = {asked:g}: {reason}", name, asked, least, most)
-
-
-def whole(name: str, asked: float, exact: Fraction, low: int, high: int, power: int = 1) -> int:
-    """The integer nearest to `exact`, which is the setting `asked`, to this power, in the unit of the integer.
-
-    Raises SettingError if it is outside low to high, or more than 0.1 % off.
-    """
-    nearest = min(max(round(exact), low), high)
-    if abs(nearest - exact) <= abs(exact) * TOLERANCE:
-        return nearest
-    if not exact:
-        refuse(name, asked, "give more than 0", 0.0, math.inf)
-
-    def setting(word: int) -> float:
-        """The setting of an integer."""
-        there = Fraction(asked) ** power * word / exact
-        return float(there) if power == 1 else math.sqrt(there)
-
-    least, most = sorted((setting(low), setting(high)))
-    if exact > high:
-        refuse(name, asked, f"too large for its integer, the most is {setting(high):.6g}", least, most)
-    if exact < low and low != 1:
-        refuse(name, asked, f"too small for its integer, the least is {setting(low):.6g}", least, most)
-    coarse = math.copysign(setting(round(math.copysign(500, exact))), asked)
-    least, most = (coarse, most) if asked > 0 else (least, coarse)
-    refuse(name, asked, f"too fine for its integer: ask for at least {abs(coarse):.3g}", least, most)
-
-
-def _numbers(settings: DataclassInstance, path: str = "") -> Iterator[tuple[str, float]]:
-    """Name and value of every field declared as a number. The other fields are choices, checked where they are used."""
-    for entry in fields(settings):
-        value = getattr(settings, entry.name)
-        if is_dataclass(value) and not isinstance(value, type):
-            yield from _numbers(value, f"{path}{entry.name}.")
-        elif entry.type not in ("int", "float", int, float):
-            continue
-        elif isinstance(value, int | float) and not isinstance(value, bool):
-            yield path + entry.name, value
-        else:
-            raise UsageError(f"{path}{entry.name} is {value!r}: give a number")
-
-
-def check_numbers(tuning: AnyTuning) -> None:
-    """Raises UsageError unless every number is finite and the period is a whole number from 500 to 100000 us."""
-    for name, value in _numbers(tuning):
-        if not math.isfinite(value):
-            raise SettingError(f"{name} is {value}: give a finite number", name, value, -math.inf, math.inf)
-    if not 500 <= tuning.period_us <= 100_000 or tuning.period_us != int(tuning.period_us):
-        refuse("period_us", tuning.period_us, "periods are whole, from 500 (2 kHz) to 100000 (10 Hz)", 500, 1e5)
-
-
-def not_negative(values: dict[str, float]) -> None:
-    """Raises UsageError for the first value below 0."""
-    for name, value in values.items():
-        if value < 0:
-            refuse(name, value, "it cannot be negative", 0.0, math.inf)
 
 
 def channel_words(name: str, channel: Channel, unit: Fraction) -> dict[str, int]:
@@ -172,8 +108,8 @@ def _units(variances: dict[str, tuple[float, Fraction]]) -> Iterator[Fraction]:
         refuse("trust.r_deg2", asked, reason, least, math.inf)
     if r_most > 2 / TOLERANCE:
         yield finest
-    for whole in range(min(math.floor(r_most * (1 + TOLERANCE / 2)), 4000), 0, -1):
-        yield r / Fraction(whole << 32)
+    for multiple in range(min(math.floor(r_most * (1 + TOLERANCE / 2)), 4000), 0, -1):
+        yield r / Fraction(multiple << 32)
 
 
 def check_filter(kalman: Kalman, start: Start, trust: Trust, period_us: int) -> None:
@@ -299,30 +235,7 @@ def _gain(trust: Trust, unit: Fraction, r_base: int, r_max: int) -> dict[str, in
 
 def pid_words(pid: Pid, period_us: int) -> dict[str, int]:
     """The words of the group pid."""
-    dt = Fraction(int(period_us), 10**6)
-    not_negative({"pid.derivative_tau_s": pid.derivative_tau_s})
-
-    def word(name: str, scale: Fraction | int, low: int, high: int) -> int:
-        asked = float(getattr(pid, name))
-        return whole(f"pid.{name}", asked, Fraction(asked) * scale, low, high)
-
-    alpha = Fraction(1)
-    if pid.derivative_tau_s:
-        alpha = Fraction(-math.expm1(-float(dt) / pid.derivative_tau_s))
-    if alpha * (1 << 31) < 500:
-        slowest = float(dt) * 2**31 / 500
-        refuse("pid.derivative_tau_s", pid.derivative_tau_s, f"too slow, the most is {slowest:.3g}", 0.0, slowest)
-    slew = Fraction(pid.slew_per_s) * dt
-    most = (1 << 31) - 1
-    if slew <= 0:
-        refuse("pid.slew_per_s", pid.slew_per_s, "the command could never move", 0.0, math.inf)
-    return {
-        "pid.kp_q22": word("kp_per_deg", 360 << 22, -(1 << 30), 1 << 30),
-        "pid.ki_dt_q22": word("ki_per_deg_s", (360 << 22) * dt, 0, most),
-        "pid.kd_q27": word("kd_per_dps", 360 << 27, -(1 << 30), 1 << 30),
-        "pid.d_alpha_q31": whole("pid.derivative_tau_s", pid.derivative_tau_s, alpha * (1 << 31), 0, most),
-        "pid.slew_q22": whole("pid.slew_per_s", pid.slew_per_s, min(slew, Fraction(2)) * (1 << 22), 1, 1 << 23),
-    }
+    return group_words("pid", pid, {"dt": Fraction(int(period_us), 10**6)})
 
 
 def axis_words(tuning: AxisTuning) -> tuple[dict[str, int], Fraction]:
@@ -346,21 +259,18 @@ def axis_words(tuning: AxisTuning) -> tuple[dict[str, int], Fraction]:
 
 def esc_words(esc: Esc) -> dict[str, int]:
     """The words of the group esc."""
-    rows = {row.name: row for row in parameters.table()}
-    words = {}
-    for entry in fields(Esc):
-        asked = float(getattr(esc, entry.name))
-        row = rows[f"esc.{entry.name.removesuffix('_us')}_halfus"]
-        low, high = row.armed or (row.min, row.max)
+    words: dict[str, int] = {}
+    lows: dict[str, float] = {}
+    for row, setting in shared_settings("esc"):
+        asked, (low, high) = float(getattr(esc, setting.name.removeprefix("esc."))), setting.limits(row.min, row.max)
         if not low <= 2 * asked <= high:
             foreign = foreign_parameter(row.name, round(2 * asked)) or ONE_WAY
-            reason = f"outside {low / 2:g} to {high / 2:g} us; {foreign}"
-            refuse(f"esc.{entry.name}", asked, reason, low / 2, high / 2)
-        words[row.name] = whole(f"esc.{entry.name}", asked, Fraction(asked) * 2, low, high)
+            refuse(setting.name, asked, f"outside {low / 2:g} to {high / 2:g} us; {foreign}", low / 2, high / 2)
+        words[row.name] = setting_word(row, setting, asked, HALF)
+        lows[setting.name] = row.min / 2
     for less, more in (("neutral_us", "min_us"), ("min_us", "mid_us"), ("mid_us", "max_us")):
         if getattr(esc, less) > getattr(esc, more):
-            most = getattr(esc, more)
-            least = rows[f"esc.{less.removesuffix('_us')}_halfus"].min / 2
+            least, most = lows[f"esc.{less}"], getattr(esc, more)
             refuse(f"esc.{less}", getattr(esc, less), f"more than {more} = {most:g}", least, most)
     return words
 
@@ -396,16 +306,7 @@ def filter_of(params: ControlParams) -> tuple[Kalman, Start, Trust]:
 
 def pid_of(params: ControlParams) -> Pid:
     """The controller's settings in engineering units."""
-    p, dt = params.values, params.period_s
-    alpha = p["pid.d_alpha_q31"] / 2**31
-    tau = 0.0 if p["pid.d_alpha_q31"] == 2**31 - 1 else (-dt / math.log1p(-alpha) if alpha else math.inf)
-    return Pid(
-        kp_per_deg=p["pid.kp_q22"] / 2**22 / 360,
-        ki_per_deg_s=p["pid.ki_dt_q22"] / 2**22 / 360 / dt,
-        kd_per_dps=p["pid.kd_q27"] / 2**27 / 360,
-        derivative_tau_s=tau,
-        slew_per_s=p["pid.slew_q22"] / 2**22 / dt,
-    )
+    return settings_of(Pid, params, "pid", system=SHARED)
 
 
 class AxisFields(TypedDict):
@@ -442,4 +343,4 @@ def axis_of(params: ControlParams) -> AxisFields:
 
 def esc_of(params: ControlParams) -> Esc:
     """The settings of the pulses in us."""
-    return Esc(*(params[f"esc.{name}_halfus"] / 2 for name in ("mid", "span", "min", "max", "neutral")))
+    return settings_of(Esc, params, "esc", HALF, system=SHARED)

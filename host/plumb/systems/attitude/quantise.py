@@ -12,7 +12,8 @@ from fractions import Fraction
 from plumb.contract.parameters import ControlParams
 from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Gyro, Motion, Mounting, Rest
 from plumb.tuning import mounting
-from plumb.tuning.groups import channel_of, channel_words, check_numbers, not_negative, refuse, whole
+from plumb.tuning.groups import channel_of, channel_words
+from plumb.tuning.whole import check_numbers, not_negative, refuse, whole
 
 DEG = math.pi / 180.0
 G_MPS2 = 9.80665

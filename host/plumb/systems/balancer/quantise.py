@@ -9,8 +9,9 @@ from plumb.spec.settings import FILTER, to_number
 from plumb.systems.balancer.settings import Drive, SpeedLoop, Wheel
 from plumb.systems.balancer.tuning import EDGES_MOST, SPEED_MOST_MPS, BalancerTuning
 from plumb.tuning.declared import setting_words, settings_of
-from plumb.tuning.groups import axis_of, axis_words, refuse
+from plumb.tuning.groups import axis_of, axis_words
 from plumb.tuning.variances import in_variances
+from plumb.tuning.whole import refuse
 
 LEAN_MOST_DEG = 22.5
 

@@ -9,8 +9,9 @@ from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.spec.tuning import Trust
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
-from plumb.tuning.groups import channel_of, channel_words, check_filter, check_numbers, filter_of, filter_words, refuse
+from plumb.tuning.groups import channel_of, channel_words, check_filter, filter_of, filter_words
 from plumb.tuning.variances import in_variances, lsb_of
+from plumb.tuning.whole import check_numbers, refuse
 
 
 def quantise(tuning: PhoneTuning) -> ControlParams:

@@ -9,7 +9,8 @@ from plumb.contract.parameters import ControlParams
 from plumb.errors import SettingError, UsageError
 from plumb.spec.tuning import Channel
 from plumb.systems.turntable.tuning import Fusion, Prefilter, TurntableTuning
-from plumb.tuning.groups import DEG2, channel_of, channel_words, check_numbers, not_negative, refuse, whole
+from plumb.tuning.groups import DEG2, channel_of, channel_words
+from plumb.tuning.whole import check_numbers, not_negative, refuse, whole
 
 LAYERS = ("data", "attitude", "printed")
 WORD = (1 << 32) - 1

@@ -12,7 +12,7 @@ from plumb.systems.wheels.settings import Riding, Turning, Watching
 from plumb.systems.wheels.tuning import WheelsTuning
 from plumb.systems.wheels.vehicle import G_MPS2
 from plumb.tuning.declared import setting_words, settings_of
-from plumb.tuning.groups import check_numbers, refuse, whole
+from plumb.tuning.whole import check_numbers, refuse, whole
 
 COUNT_MAX = 1 << 30
 RATE_MAX_DPS = 1440.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from plumb.spec.tuning import NUMBER, quantity
+from plumb.spec.quantity import NUMBER, quantity
 
 
 @dataclass(frozen=True)
