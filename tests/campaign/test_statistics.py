@@ -36,6 +36,15 @@ def test_the_interval_has_the_mean_of_all_seeds_in_most_campaigns() -> None:
     assert 86 <= held <= 99
 
 
+def test_what_is_drawn_at_once_is_what_is_drawn_row_by_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bits of a printed interval do not depend on how many resamples memory has room for."""
+    values = np.random.default_rng(4).normal(5.0, 2.0, (2, 40))
+    at_once = intervals.of_mean(values[0]), intervals.share(values[0], values[1])
+    for rows in (1, 7):
+        monkeypatch.setattr(intervals, "AT_ONCE", rows * 40)
+        assert (intervals.of_mean(values[0]), intervals.share(values[0], values[1])) == at_once
+
+
 def test_runs_without_the_figure_are_not_counted() -> None:
     found = statistics.figures(results(np.array([1.0, np.nan, 3.0]), range(3)))["error_deg"]
     assert (found.mean, found.runs, found.max, found.worst_index) == (2.0, 2, 3.0, 2)

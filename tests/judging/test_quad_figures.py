@@ -12,6 +12,7 @@ import json
 import numpy as np
 import pytest
 
+from plumb.contract import run_reference
 from plumb.judging.quad import figures as quad_figures
 from plumb.proof import figures
 from plumb.proof.figures import Figure, Sense
@@ -65,6 +66,14 @@ def test_tilt_errors(
     assert row.worst is not None and row.reached < row.worst < worst_seed
     if row.reference is not None:
         assert row.reached == pytest.approx(row.reference, abs=1e-5), "the integers cost nothing"
+
+
+@pytest.mark.parametrize("tuning", ["paper_arcsine", "trapezium"])
+def test_the_filter_alone_is_that_of_the_whole_reference(tuning: str) -> None:
+    """A figure that needs no controller leaves it out: the same floats, in every bit."""
+    batch, settings = quad_figures.Batch.of("converge", range(1000, 1003)), quad.TUNINGS[tuning]
+    alone, whole = quad_figures.float64(settings, batch.raw), run_reference.run_control(settings, batch.raw)
+    assert np.array_equal(alone.tilt_deg, whole["tilt_deg"]) and np.array_equal(alone.bias_dps, whole["bias_dps"])
 
 
 def test_the_filter_takes_75_percent_off_the_accelerometers_error(estimator: Rows) -> None:

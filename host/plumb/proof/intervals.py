@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+import numpy.typing as npt
 
 from plumb.spec.arrays import FloatArray
 
 RESAMPLES = 2000
 BLOCKS = 10_000
 """Most values that a resampling draws from; more runs are first averaged in groups of equal size."""
+AT_ONCE = 100_000
+"""Values that are drawn at once: for the few runs of a figure all resamples, and never much memory."""
 LOW, HIGH = 2.5, 97.5
 
 
@@ -19,20 +24,20 @@ def of_mean(values: FloatArray) -> tuple[float, float]:
     if len(values) > BLOCKS:
         whole = len(values) // BLOCKS * BLOCKS
         blocks = values[:whole].reshape(BLOCKS, -1).mean(axis=1)
-    rng = np.random.default_rng(len(values))
-    means = np.empty(RESAMPLES)
-    for at in range(RESAMPLES):
-        means[at] = blocks[rng.integers(0, len(blocks), len(blocks))].mean()
+    means = np.concatenate([blocks[drawn].mean(axis=1) for drawn in _drawn(len(values), len(blocks))])
     low, high = np.percentile(means, [LOW, HIGH])
     return float(low), float(high)
 
 
 def share(found: FloatArray, mark: FloatArray) -> tuple[float, float]:
     """The interval of 100 % mean(found) / mean(mark), both (runs,) of the same runs, which are drawn in pairs."""
-    rng = np.random.default_rng(len(found))
-    shares = np.empty(RESAMPLES)
-    for at in range(RESAMPLES):
-        drawn = rng.integers(0, len(found), len(found))
-        shares[at] = 100.0 * found[drawn].mean() / mark[drawn].mean()
-    low, high = np.percentile(shares, [LOW, HIGH])
+    shares = [100.0 * found[drawn].mean(axis=1) / mark[drawn].mean(axis=1) for drawn in _drawn(len(found), len(found))]
+    low, high = np.percentile(np.concatenate(shares), [LOW, HIGH])
     return float(low), float(high)
+
+
+def _drawn(seed: int, count: int) -> Iterator[npt.NDArray[np.int64]]:
+    """RESAMPLES rows of `count` indices below it, some rows at a time: the same ones as row by row."""
+    rng, rows = np.random.default_rng(seed), max(AT_ONCE // count, 1)
+    for begin in range(0, RESAMPLES, rows):
+        yield rng.integers(0, count, (min(rows, RESAMPLES - begin), count))

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core, native_plant
-from plumb.contract import run_reference
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.judging.quad import loops
 from plumb.judging.quad import plots as quad_plots
@@ -125,8 +124,8 @@ class Batch:
 
 
 def float64(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
-    """The estimator of `plumb.contract.run_reference` over many runs, from counts."""
-    words = run_reference.run_control(tuning, raw)
+    """The estimator of the reference over many runs, from counts."""
+    words = reference_quad.run_filter(tuning, raw)
     return Estimate(words["tilt_deg"], words["bias_dps"])
 
 
