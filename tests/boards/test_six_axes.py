@@ -200,12 +200,13 @@ def test_a_shorted_data_line_is_reported_for_as_long_as_it_lasts(mpu: Six) -> No
 
 @pytest.mark.slow
 def test_one_chip_whose_data_hang(one: Six) -> None:
-    """3 equal samples of all six axes are beyond noise: 30 ms at the default filter."""
+    """3 equal samples of all six axes are beyond noise: 30 ms at the default filter. To that add up to a period until
+    the first of them, one until the last is judged, one until the next step, and the pulse that runs."""
     capture = one.armed()
     one.mpu.frozen = True
     one.run(capture, 0.030 - 2 * PERIOD_US * 1e-6)
     assert one.driving()
-    one.run(capture, 5 * PERIOD_US * 1e-6)
+    one.run(capture, 6 * PERIOD_US * 1e-6)
     assert not one.driving()
     assert one.reported()[0] in ("gyro: its data do not change", "gyro: has no data")
     one.run(capture, 0.3)

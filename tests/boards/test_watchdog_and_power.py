@@ -13,6 +13,7 @@ import pytest
 
 pytest.importorskip("unicorn")
 
+from plumb.f103.core.cpu import QUARTER_CYCLES
 from plumb.f103.machine import Machine
 from plumb.flash.elf import Elf
 from plumb.flash.image import FLASH_BASE
@@ -39,8 +40,8 @@ pytestmark = pytest.mark.skipif(
 
 
 def delay(us: int) -> bytes:
-    """Machine code that takes so long and returns: movw, movt, then subs and bne; 3 cycles a turn here."""
-    turns = us * 72 // 3
+    """Machine code that takes so long and returns: movw, movt, then turns of two instructions, subs and bne."""
+    turns = us * 72 * 4 // (2 * QUARTER_CYCLES[2])
     words = []
     for half, opcode in ((turns & 0xFFFF, 0xF240), (turns >> 16, 0xF2C0)):
         words += [opcode | half >> 12 | (half >> 11 & 1) << 10, (half >> 8 & 7) << 12 | 3 << 8 | half & 0xFF]

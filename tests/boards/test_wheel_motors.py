@@ -34,8 +34,8 @@ COUNTS = 1800
 """Of half a period of 20 kHz, at 72 MHz."""
 WRITTEN_US = 300
 """From the end of a step until its duties are written, and a period of the PWM."""
-AT_ONCE_US = 12
-"""96 cycles at 8 MHz, for the entry of a fault and its start."""
+AT_ONCE_US = 16
+"""128 cycles at 8 MHz, for the entry of a fault and the 51 instructions of its start."""
 STALL_US = 22_000
 """20 ticks of a millisecond, and two."""
 LOOP_US = 6_000

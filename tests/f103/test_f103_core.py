@@ -61,8 +61,8 @@ def test_a_dead_crystal_ends_in_the_fallback(board: NewBoard) -> None:
         assert b.result(0) & 0xFF == 0x83
         assert b.result(1) & 0xFC000000 == RESET_POWER | RESET_PIN
         assert b.result(4) == 0, "the id register reads 0 without a debugger"
-        # 1000 turns of about four instructions at 3/2 cycles each
-        assert 5500 < b.result(7) < 8000
+        # 1000 turns of about four instructions at 9/4 cycles each
+        assert 8250 < b.result(7) < 12_000
     assert good.result(6) & 0xF == 0xA
     assert good.result(5) < 20000
     assert dead.result(5) == 20000

@@ -75,8 +75,8 @@ void reset_handler(void) {
     for (uint32_t *to = data_start, *from = data_load; to < data_end; to++, from++) {
         *to = *from;
     }
-    for (uint32_t *to = bss_start; to < bss_end; to++) {
-        *to = 0U;
+    for (uint32_t *to = bss_start; to < bss_end; to += 4) { /* stm32f103.ld aligns the end to 16 bytes */
+        to[0] = to[1] = to[2] = to[3] = 0U;
     }
     loop_start();
     for (;;) {

@@ -31,8 +31,9 @@ FEEDS_THE_CRC_UNIT = ("crc_of_words", "digest_crc32")
 
 @dataclass(frozen=True)
 class LiveFrame:
-    """Instructions and cycles of a frame, at zero and at two wait states. wrong: frames without exactly one step.
-    bytes: of the functions that ran. stack: deepest, bytes."""
+    """Instructions and cycles of a frame, at zero and at two wait states; awake_cycles_mean: those in which the
+    simulated chip did not sleep, by its own flat estimate. wrong: frames without exactly one step. bytes: of the
+    functions that ran. stack: deepest, bytes."""
 
     instructions_min: int
     instructions_max: int
@@ -40,6 +41,7 @@ class LiveFrame:
     cycles_mean: int
     cycles_2ws_max: int
     cycles_2ws_mean: int
+    awake_cycles_mean: int
     wrong: int
     bytes: int
     stack: int
@@ -60,10 +62,11 @@ def live_frame(system: str) -> LiveFrame:
     scene = driving(system, RECEIVER, image)
     try:
         machine, period_us = scene.machine, systems.load(system).TUNINGS[scene.live.TUNING].period_us
-        before = _exception_cycles(machine)
+        before, awake = _exception_cycles(machine), machine.awake_ticks()
         trace = InstructionTrace(machine)
         scene.run((FRAMES + 2) * period_us * 1e-6)
         overhead = (_exception_cycles(machine) - before) / (FRAMES + 2)
+        awake = (machine.awake_ticks() - awake) // machine.rcc.hclk_ticks
     finally:
         scene.board.close()
     ticks = [at for at, address in enumerate(trace.addresses) if address == elf.symbol(TICK).address][: FRAMES + 1]
@@ -81,7 +84,7 @@ def live_frame(system: str) -> LiveFrame:
     code = {elf.symbol_at(one.address) for one in set(path)}
     return LiveFrame(
         min(map(len, frames)), max(map(len, frames)), round(max(cycles)), round(sum(cycles) / len(cycles)),
-        round(max(cycles_2ws)), round(sum(cycles_2ws) / len(cycles_2ws)),
+        round(max(cycles_2ws)), round(sum(cycles_2ws) / len(cycles_2ws)), round(awake / (FRAMES + 2)),
         sum(bisect_left(steps, end) - bisect_left(steps, begin) != 1 for begin, end in pairwise(ticks)),
         sum(symbol.size for symbol in code if symbol is not None), max(one.stack for one in costs),
         period_us,

@@ -1,10 +1,11 @@
 """The Cortex-M3: Unicorn executes the instructions; this module models exception entry and return, sleep and time.
 
-Time. Every instruction takes CYCLES_PER_INSTRUCTION = 3/2 cycles of HCLK (a flat estimate for this firmware at two
-wait states); exception entry takes 12 cycles, return 10, a tail-chained entry 6 (Armv7-M, zero wait states). Unicorn
-counts instructions in its own memory: reading that counter inside a register access gives the exact present time, and
-lowering the limit beside it ends the slice after the current instruction (stopping from inside a register access would
-repeat the access). So a slice always ends exactly at the next event, and results do not depend on how time was sliced.
+Time. Every instruction takes QUARTER_CYCLES / 4 cycles of HCLK, by the wait states of the flash (flat estimates: the
+means of this firmware in flight, by the timing table of `plumb bench`); exception entry takes 12 cycles, return 10, a
+tail-chained entry 6 (Armv7-M, zero wait states). Unicorn counts instructions in its own memory: reading that counter
+inside a register access gives the exact present time, and lowering the limit beside it ends the slice after the current
+instruction (stopping from inside a register access would repeat the access). So a slice always ends exactly at the next
+event, and results do not depend on how time was sliced.
 """
 
 from __future__ import annotations
@@ -71,7 +72,8 @@ except ImportError as error:
 if TYPE_CHECKING:
     from plumb.f103.core.mcu import Mcu
 
-CYCLES_PER_INSTRUCTION = (3, 2)
+QUARTER_CYCLES = (7, 8, 9)
+"""Quarters of a cycle of HCLK that an instruction takes at zero, one and two wait states."""
 ENTRY_CYCLES, RETURN_CYCLES, TAIL_CHAIN_CYCLES = 12, 10, 6
 FLASH_BASE, RAM_BASE, SYSTEM_BASE = 0x08000000, 0x20000000, 0x1FFFF000
 _READ_CALLBACK = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint, ctypes.c_void_p)
@@ -302,9 +304,10 @@ class Cpu:
         """Present time in ticks. Inside a register access: the end of the instruction that makes the access."""
         return self.base + self._counter.value * self.instruction_ticks if self.running else self.base
 
-    def set_clock(self, hclk_ticks: int) -> None:
+    def set_clock(self, hclk_ticks: int, wait_states: int) -> None:
+        """From the next instruction on: ticks of a cycle of HCLK, and wait states of the flash, 0 to 2."""
         now = self.now()
-        self.instruction_ticks = hclk_ticks * CYCLES_PER_INSTRUCTION[0] // CYCLES_PER_INSTRUCTION[1]
+        self.instruction_ticks = hclk_ticks * QUARTER_CYCLES[wait_states] // 4
         if self.running:
             self.base = now - self._counter.value * self.instruction_ticks
             self.end_slice()

@@ -83,6 +83,7 @@ class Flash(Peripheral):
 
     def reset(self) -> None:
         super().reset()
+        self.machine.cpu.set_clock(self.machine.rcc.hclk_ticks, self.acr & 7)
         self.keys_seen = 0
         if self._operation is not None:
             self._leave_half_done(self._operation)
@@ -109,6 +110,8 @@ class Flash(Peripheral):
     def write_acr(self, value: int) -> None:
         if value & 7 > 2:
             raise SimulationError(f"FLASH_ACR.LATENCY = {value & 7} is reserved")
+        if value & 7 != self.acr & 7:
+            self.machine.cpu.set_clock(self.machine.rcc.hclk_ticks, value & 7)
         self.acr = value & 0x1F | (value & 0x10) << 1  # PRFTBS follows PRFTBE
 
     def read_keyr(self) -> int:

@@ -141,7 +141,7 @@ class Rcc(Peripheral):
         self.pclk2_ticks = ticks * self._apb_divider(11)
         if ticks != self.hclk_ticks:
             self.hclk_ticks = ticks
-            self.machine.cpu.set_clock(ticks)
+            self.machine.cpu.set_clock(ticks, self.machine.flash.acr & 7)
 
     def _change_clock(self, cfgr: int) -> None:
         now = self.machine.now
