@@ -21,12 +21,13 @@ PORT = "ports/stm32f103"
 @dataclass(frozen=True)
 class Part:
     """A part of a board. what: in words; needed_by: the declared outputs, sensors and parts that need it; sources:
-    below firmware/, which the build of an image without it leaves out. A header beside them then has functions that do
-    nothing."""
+    below firmware/, which the build of an image without it leaves out; instead: those that only such a build has, with
+    the same functions, which do nothing. Where there is none, a header has them."""
 
     what: str
     needed_by: tuple[str, ...]
     sources: tuple[str, ...] = ()
+    instead: tuple[str, ...] = ()
 
     def used(self, built: Iterable[System]) -> bool:
         return any({system.output, system.sensors, *system.parts} & set(self.needed_by) for system in built)
@@ -41,15 +42,28 @@ PARTS = {
         ("WHEELS", "RIDE"),
         (f"{PORT}/motors.c", f"{PORT}/ride.c"),
     ),
-    "ACTUATORS": Part("any of these", ("PULSES", "BRIDGE", "BALANCE", "ROTORS", "WHEELS", "RIDE"), (f"{PORT}/work.c",)),
+    "ACTUATORS": Part(
+        "any of these",
+        ("PULSES", "BRIDGE", "BALANCE", "ROTORS", "WHEELS", "RIDE"),
+        (f"{PORT}/work.c", "link/arming.c"),
+        ("link/arming_none.c",),
+    ),
     "ANALOG": Part("the analog inputs", ("ANALOG_3", "ANALOG_6"), (f"{PORT}/adc.c",)),
     "DIGITAL": Part(
         "the digital sensors",
         ("BALANCE", "SIX_AXES", "RIDE"),
         tuple(f"{PORT}/{name}.c" for name in ("imu", "imu_access", "imu_bus", "imu_counts", "i2c", "spi")),
     ),
-    "RECEIVER": Part("the radio receiver", (RECEIVER,), (f"{PORT}/receiver_uart.c", f"{PORT}/ppm_capture.c")),
-    "BATTERY": Part("the battery's inputs", (BATTERY,), (f"{PORT}/battery_adc.c",)),
+    "RECEIVER": Part(
+        "the radio receiver",
+        (RECEIVER,),
+        (f"{PORT}/receiver_uart.c", f"{PORT}/ppm_capture.c", "link/pilot.c"),
+    ),
+    "BATTERY": Part(
+        "the battery's inputs",
+        (BATTERY,),
+        (f"{PORT}/battery_adc.c", "link/battery.c", "link/session_battery.c"),
+    ),
 }
 """By the name that follows USED_ in the firmware."""
 CHECKS = {
@@ -66,7 +80,8 @@ ANALOG_KINDS = PARTS["ANALOG"].needed_by
 
 def unused_sources(built: Sequence[System]) -> list[str]:
     """Sources below firmware/ that an image of these systems does without."""
-    return [source for part in PARTS.values() if not part.used(built) for source in part.sources]
+    chosen = (part.instead if part.used(built) else part.sources for part in PARTS.values())
+    return [source for sources in chosen for source in sources]
 
 
 def used_parts_h(built: Sequence[System]) -> str:

@@ -7,13 +7,13 @@
 #include "loop.h"
 #include "board.h"
 #include "board_actuators.h"
-#include "board_battery.h"
 #include "board_guard.h"
 #include "board_links.h"
 #include "board_sensors.h"
 #include "generated/messages.h"
 #include "generated/outputs.h"
 #include "generated/used_parts.h"
+#include "link/pilot.h"
 #include "link/session.h"
 #include "link/stepping.h"
 #include "loop_links.h"
@@ -110,9 +110,6 @@ __attribute__((noinline)) static void report(uint32_t now_us) {
 #endif
     said.can = board_can_health();
     board_sensor_health(&said.sensors);
-#if USED_BATTERY
-    said.battery_read = board_battery_read(said.battery_counts);
-#endif
     session_report(&session, &said, now_us);
 }
 
@@ -216,9 +213,7 @@ static void whole_turn(void) {
     board_turn();
     const uint32_t now_us = board_now_us();
     loop_links_receive(&session, now_us);
-#if USED_RECEIVER
-    loop_links_receive_sticks(&session, now_us);
-#endif
+    session_receive_pilot(&session, now_us);
     report(now_us);
     session_poll(&session, now_us);
     const session_orders_t orders = session_take_orders(&session, now_us);

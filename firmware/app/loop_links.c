@@ -1,8 +1,6 @@
 #include "loop_links.h"
 #include "board_links.h"
-#include "board_receiver.h"
 #include "link/requests.h"
-#include "link/switches.h"
 
 #define UART_PER_TURN 64U /* bytes */
 /* In real time less than two requests of 22 bytes: a commit takes 0.17 ms, and a step may be due every
@@ -22,20 +20,6 @@ void loop_links_receive(session_t *s, uint32_t now_us) {
         requests_receive_frame(s, &frame, now_us);
     }
 }
-
-#if USED_RECEIVER
-void loop_links_receive_sticks(session_t *s, uint32_t now_us) {
-    uint8_t bytes[32];
-    uint16_t stamps_us[16];
-    size_t count;
-    do {
-        count = board_receiver_read(bytes, sizeof bytes);
-        session_receive_sticks(s, bytes, count, now_us);
-    } while (count == sizeof bytes);
-    count = board_receiver_edges(stamps_us, sizeof stamps_us / sizeof stamps_us[0]);
-    session_receive_edges(s, stamps_us, count, now_us);
-}
-#endif
 
 void loop_links_transmit(session_buffers_t *buffers) {
     uint8_t bytes[4U * SLCAN_FRAME_CHARS];

@@ -2,16 +2,10 @@
 #ifndef PLUMB_APP_LOOP_LINKS_H
 #define PLUMB_APP_LOOP_LINKS_H
 
-#include "generated/used_parts.h"
 #include "link/session.h"
 
 /* Pass the input of both links to the session, no more than the session has room to answer. */
 void loop_links_receive(session_t *s, uint32_t now_us);
-
-#if USED_RECEIVER
-/* Pass the bytes and the edges of the receiver to the session. */
-void loop_links_receive_sticks(session_t *s, uint32_t now_us);
-#endif
 
 /* Send the session's output, as much as the UART and CAN accept. */
 void loop_links_transmit(session_buffers_t *buffers);

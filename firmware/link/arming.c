@@ -1,12 +1,11 @@
 #include "arming.h"
-#include "generated/used_parts.h"
 
 void arming_init(arming_t *a, uint32_t random) {
     *a = (arming_t){.switch_closed = true /* until it was seen open */, .number = (uint16_t)(random >> 16)};
 }
 
 bool arming_armed(const arming_t *a) {
-    return USED_ACTUATORS && a->armed.word == ARMING_ARMED;
+    return a->armed.word == ARMING_ARMED;
 }
 
 bool arming_driving(const arming_t *a) {
@@ -25,7 +24,7 @@ static void arm(arming_t *a, bool by_switch, uint32_t hold_us, uint32_t now_us) 
 }
 
 bool arming_arm(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us) {
-    if (!USED_ACTUATORS || blocked != 0) {
+    if (blocked != 0) {
         return false;
     }
     arm(a, false, hold_us, now_us);
@@ -38,9 +37,6 @@ uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us) {
 }
 
 bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
-    if (!USED_ACTUATORS) {
-        return false;
-    }
     if (!closed && a->by_switch) {
         arming_disarm(a, ARMING_BLOCK_SWITCH);
     }
@@ -72,11 +68,11 @@ bool arming_switch_used_up(const arming_t *a) {
 uint16_t arming_switch_owns(const arming_t *a) {
     const bool used_up = arming_switch_used_up(a);
 
-    return USED_ACTUATORS && used_up && (a->by_switch || !arming_armed(a)) ? ARMING_BLOCK_SWITCH_OWNS : 0U;
+    return used_up && (a->by_switch || !arming_armed(a)) ? ARMING_BLOCK_SWITCH_OWNS : 0U;
 }
 
 void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t ready_us, uint32_t hold_us, uint32_t now_us) {
-    if (!USED_ACTUATORS || !a->switch_trying) {
+    if (!a->switch_trying) {
         return;
     }
     const unsigned matters = blocked & ~ARMING_BLOCKS_HOST;

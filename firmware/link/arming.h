@@ -15,7 +15,8 @@
  * either way the actuator stays at neutral for hold_us, so that speed controllers see their arming pulse;
  * then it is driven.
  *
- * An image without a system that drives something never arms, and its arm switch does nothing. */
+ * An image without a system that drives something never arms, and its arm switch does nothing: its build
+ * takes arming_none.c. */
 #ifndef PLUMB_LINK_ARMING_H
 #define PLUMB_LINK_ARMING_H
 

@@ -1,8 +1,6 @@
 #include "battery.h"
-#include "generated/used_parts.h"
 #include "readiness.h"
 
-#if USED_BATTERY
 enum { VOLTAGE, CURRENT };
 
 /* How many steps of the smoothing are due. After a pause only as many as the longest turn takes. */
@@ -50,4 +48,3 @@ message_battery_t battery_message(const battery_t *b, const params_t *params) {
                                .current_10ma = (uint16_t)(100U * b->current * params->battery_full_a >> 12),
                                .lowest_mv = (uint16_t)params->battery_min_mv};
 }
-#endif

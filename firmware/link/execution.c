@@ -3,8 +3,8 @@
 #include "generated/messages.h"
 #include "news.h"
 #include "nonce.h"
+#include "pilot.h"
 #include "run_requests.h"
-#include "switches.h"
 
 /* The ACK of ARM repeats upper bits of the nonce as the host sent it: on a bus each host knows its own ACK by
  * them. */

@@ -1,5 +1,6 @@
 #include "news.h"
 #include "arming_reasons.h"
+#include "session_battery.h"
 
 void session_send_readiness(session_t *s, link_t link) {
     const message_plausibility_t m = readiness_message(&s->readiness, session_checked(s));
@@ -26,13 +27,9 @@ static void send_status(session_t *s, link_t link, bool all, uint32_t now_us) {
     flags |= s->staging.pending ? MESSAGE_STATUS_STAGED : 0U;
     flags |= l->read_only ? MESSAGE_STATUS_READ_ONLY : 0U;
     status_send(&s->status, &round, &status, (uint8_t)flags, &events, &plausibility);
-#if USED_BATTERY
-    if (all && s->params->battery_min_mv != 0U) {
-        const message_battery_t battery = battery_message(&s->battery, s->params);
-
-        outbox_telemetry(l->outbox, message_battery_pack(&battery), 0);
+    if (all) {
+        session_send_battery(s, link);
     }
-#endif
 }
 
 /* In lockstep nothing can be armed, and the host compares every step: a change waits for the period. */

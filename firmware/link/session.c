@@ -1,6 +1,8 @@
 #include "session.h"
 #include "arming_reasons.h"
 #include "news.h"
+#include "pilot.h"
+#include "session_battery.h"
 #include "stepping.h"
 #include "switches.h"
 #include <string.h>
@@ -13,13 +15,7 @@ void session_report(session_t *s, const session_report_t *report, uint32_t now_u
     s->status.faults = report->faults | staging_faults(&s->staging);
     s->status.can = report->can;
     s->status.sensors = report->sensors;
-#if USED_RECEIVER
-    s->readiness.outside = 0;
-#endif
-#if USED_BATTERY
-    battery_follow(&s->battery, report->battery_read, report->battery_counts, now_us);
-    s->readiness.outside = battery_missing(&s->battery, s->params);
-#endif
+    s->readiness.outside = session_follow_battery(s, now_us);
     session_follow_switches(s, report->switch_closed, now_us);
 }
 
@@ -81,20 +77,11 @@ void session_apply_staged(session_t *s) {
     if (s->run.mode != RUN_IDLE) {
         control_retune(s->control, &s->params->control, &s->staging.table->control);
     }
-#if USED_RECEIVER
-    const bool piloted = session_has_receiver(s);
-    const uint32_t receiver = s->params->receiver;
-#endif
+    const uint32_t pilot = session_pilot(s);
 
     staging_apply(&s->staging, s->params, session_armed(s));
     s->system = control_system(&s->params->control);
-#if USED_RECEIVER
-    if (session_has_receiver(s) != piloted || s->params->receiver != receiver) {
-        /* a pilot's from now on, or the board's, or of another line */
-        s->receiver = (receiver_t){0};
-        arming_switch_unread(&s->arming);
-    }
-#endif
+    session_pilot_changed(s, pilot);
 }
 
 #if CONTROL_LEARNS
@@ -154,9 +141,7 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     arming_poll(&s->arming, session_arming_blocked(s, s->run.links.owner), now_us);
     session_issue_keepalive(s, now_us);
     setpoint_poll(&s->run.setpoint, session_armed(s), arming_driving(&s->arming), s->run.step, now_us);
-#if USED_RECEIVER
     session_take_sticks(s);
-#endif
     session_send_news(s, now_us);
     session_send_words(s);
     session_send_long_replies(s, now_us);

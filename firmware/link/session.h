@@ -18,7 +18,7 @@
  *
  *     requests_receive()        bytes of the UART, at most requests_room()
  *     requests_receive_frame()  frames of CAN, while requests_frame_room()
- *     session_receive_sticks(), session_receive_edges()  lines of the receiver, where an image has one
+ *     session_receive_pilot()   lines of the receiver
  *     session_report()          the state of the board
  *     session_poll()            may disarm
  *     session_take_orders()     orders to the board
@@ -41,10 +41,6 @@ typedef struct {
     bool switch_closed; /* the arm switch: closing it arms, opening it disarms (arming.h) */
     const board_can_health_t *can; /* sent with the status; the caller keeps it */
     board_health_t sensors;        /* the details of BOARD_FAULT_SENSOR, sent as SENSORS */
-#if USED_BATTERY
-    bool battery_read; /* there are new counts: */
-    uint16_t battery_counts[BATTERY_INPUTS];
-#endif
 } session_report_t;
 
 /* Orders of the session to the board in a turn of the loop. */

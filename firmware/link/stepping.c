@@ -1,13 +1,12 @@
 #include "stepping.h"
 #include "arming_reasons.h"
+#include "pilot.h"
 
 void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
     s->bootloader_asked = false;
-#if USED_RECEIVER
     if (run != MESSAGE_RUN_BEGIN_RUN_LOCKSTEP && session_has_receiver(s)) {
         links.setpoints = LINK_NONE;
     }
-#endif
 #if CONTROL_LEARNS
     s->own_state = run == MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE;
 #endif

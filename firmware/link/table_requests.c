@@ -2,8 +2,8 @@
 #include "arming_reasons.h"
 #include "generated/messages.h"
 #include "long_replies.h"
+#include "pilot.h"
 #include "staging.h"
-#include "switches.h"
 
 #define ALL_PARAMETERS 0xFFFFU
 
