@@ -23,7 +23,7 @@ from textwrap import wrap
 from typing import Any
 
 from plumb.spec import declarations, parameters
-from plumb.spec.settings import CHOICE, CONSTANTS, FILTER, SAME, SINE, STEPS, bits
+from plumb.spec.settings import CHOICE, CONSTANTS, FILTER, SINE, SQUARED, STEPS, WORD, bits, factors, power
 from plumb.spec.tuning import AxisTuning
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -174,7 +174,7 @@ def setting(row: parameters.Parameter) -> str:
     first, last = f'd, "{row.setting.name}", t->{row.setting.name}', f"{low}, {high}"
     if conversion == STEPS:
         call = f"plumb_design_steps({first}, period_us, {last})"
-    elif conversion == CHOICE:
+    elif conversion in (CHOICE, WORD):
         call = f"plumb_design_number({first}, {last})"
     elif conversion == SINE:
         most = math.degrees(math.asin(high / 2**binary))
@@ -185,11 +185,15 @@ def setting(row: parameters.Parameter) -> str:
         most = -1 / math.log1p(-max(low, 500) / 2**31)
         call = f"plumb_design_filter_share({first}, period_us, {least!r}, {most!r}, {high})"
     else:
-        factor = f"wide_of(0x1p{binary})"
-        signs = conversion.split() if conversion != SAME else []
-        for sign, name in zip(signs[::2], signs[1::2], strict=True):
-            factor = f"wide_{'mul' if sign == '*' else 'div'}({factor}, {name})"
-        call = f"plumb_design_{'saturated' if row.setting.saturates else 'formula'}({first}, {factor}, {last})"
+        scale, squares = f"wide_of(0x1p{binary})", power(conversion) == 2
+        factor = "wide_of(1.0)" if squares else scale
+        for sign, name in factors(conversion):
+            if sign == SQUARED:
+                factor = f"wide_mul(wide_mul({factor}, {factor}), {scale})"
+            else:
+                factor = f"wide_{'mul' if sign == '*' else 'div'}({factor}, {name})"
+        kind = "squared" if squares else "saturated" if row.setting.saturates else "formula"
+        call = f"plumb_design_{kind}({first}, {factor}, {last})"
     return f"p->{row.name} = ({row.type}_t){call};"
 
 

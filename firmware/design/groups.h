@@ -117,6 +117,10 @@ int64_t plumb_design_formula(plumb_design_t *d, const char *field, double asked,
 int64_t plumb_design_saturated(plumb_design_t *d, const char *field, double asked, wide_t factor, int64_t low,
                                int64_t high);
 
+/* A formula of the square of a setting that is not negative. */
+int64_t plumb_design_squared(plumb_design_t *d, const char *field, double asked, wide_t factor, int64_t low,
+                             int64_t high);
+
 /* A time as the nearest number of steps. */
 int64_t plumb_design_steps(plumb_design_t *d, const char *field, double seconds, int32_t period_us,
                            int64_t low, int64_t high);

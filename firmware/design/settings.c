@@ -20,6 +20,19 @@ int64_t plumb_design_saturated(plumb_design_t *d, const char *field, double aske
     return plumb_design_whole(d, field, asked, wide_compare(exact, most) > 0 ? most : exact, low, high);
 }
 
+int64_t plumb_design_squared(plumb_design_t *d, const char *field, double asked, wide_t factor, int64_t low,
+                             int64_t high) {
+    const double x = plumb_design_bounded(asked);
+    plumb_design_not_negative(d, field, asked);
+    const bool refused = d->error != PLUMB_DESIGN_OK;
+    const int64_t word = plumb_design_whole(d, field, asked, wide_mul(wide_product(x, x), factor), low, high);
+    if (!refused && d->error != PLUMB_DESIGN_OK) { /* the limits of the square, linear in it */
+        d->least = plumb_design_root(x * d->least);
+        d->most = plumb_design_root(x * d->most);
+    }
+    return word;
+}
+
 int64_t plumb_design_steps(plumb_design_t *d, const char *field, double seconds, int32_t period_us,
                            int64_t low, int64_t high) {
     const wide_t us = wide_product(plumb_design_bounded(seconds), 1e6);

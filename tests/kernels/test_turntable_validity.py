@@ -49,7 +49,7 @@ def test_every_word_with_a_limit_was_tried() -> None:
     ("change", "sentence"),
     [
         ({"rest_s": 1e9}, "fusion.rest_s"),
-        ({"start_lag_s": 1.0}, r"fusion\.start_lag_s = 1: a lag is uncertain by at most one step"),
+        ({"start_lag_s": 1.0}, r"fusion\.start_lag_s = 1: too large for its integer, the most is 0\.004"),
         ({"gyro_dps": 0.0}, "fusion.gyro_dps"),
     ],
 )

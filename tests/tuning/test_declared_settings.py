@@ -15,6 +15,8 @@ from plumb.spec.settings import Setting, read, read_group
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.quadrotor.scenarios import TUNINGS
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
+from plumb.systems.turntable import scenarios as turntable
+from plumb.systems.turntable.tuning import TurntableTuning
 from plumb.tuning.quantities import with_value
 
 SHIPPED = TUNINGS["hummingbird"]
@@ -108,6 +110,19 @@ def test_a_setting_of_balancer_is_its_integer(name: str, value: float, word: str
     assert quantise(with_value(tuned, name, value))[word] == integer
 
 
+def test_a_setting_that_is_squared_and_one_that_is_a_word() -> None:
+    """(3.6 deg/s)^2 is 10^-4 (turn/s)^2, Q40."""
+    tuned = with_value(turntable.TUNINGS["data"], "fusion.start_gyro_dps", 3.6)
+    assert quantise(tuned)["fusion.p_gyro_bias_q40"] == round(1e-4 * 2**40)
+    again = dequantise(quantise(with_value(tuned, "fusion.layer", "printed")))
+    assert isinstance(again, TurntableTuning)
+    assert again.fusion.layer == "printed"
+    assert again.fusion.start_gyro_dps == pytest.approx(3.6, rel=1e-7)
+    with pytest.raises(SettingError, match=r"the most is 22\.5") as caught:
+        quantise(with_value(tuned, "fusion.start_gyro_dps", 22.6))
+    assert caught.value.most == pytest.approx(360 / 16, rel=1e-7)
+
+
 def test_a_setting_ends_where_its_own_limit_is() -> None:
     with pytest.raises(SettingError, match=r"wheel\.edge_m = 0\.155: too large for its integer, the most is 0\.15"):
         quantise(with_value(balancer.TUNINGS["tuned"], "wheel.edge_m", 0.155))
@@ -127,6 +142,11 @@ def test_a_setting_ends_where_its_own_limit_is() -> None:
         ({"low": 0.5}, "low is a limit of its integer"),
         ({"high": True}, "high is a limit of its integer"),
         ({"saturates": 1}, "saturates is true or false"),
+        ({"choices": ["data"]}, "conversion 'word' has choices"),
+        ({"conversion": "word"}, "conversion 'word' has choices"),
+        ({"conversion": "word", "choices": "data"}, "choices is a list of names"),
+        ({"conversion": "word", "choices": ["data", "rate"], "default": "rates"}, "default is one of its choices"),
+        ({"conversion": "* turn squared *"}, "conversion is a formula such as"),
         ({"most": 3}, "most is unknown"),
     ],
 )

@@ -13,65 +13,65 @@
 #define PREFILTER_2 \
     {.spike = 60.0, .smooth = 1.0}
 #define FUSION_1 \
-    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
-     .angular_scale = 0.005, .start_lag_s = 0.003}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.005, .angular_scale = 0.005, \
+     .layer = PLUMB_TUNING_LAYER_DATA, .rest_s = 10.0, .lag_s = 0.008, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.003}
 #define FUSION_2 \
-    {.layer = PLUMB_TUNING_LAYER_ATTITUDE, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
-     .angular_scale = 0.005, .start_lag_s = 0.003}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.005, .angular_scale = 0.005, \
+     .layer = PLUMB_TUNING_LAYER_ATTITUDE, .rest_s = 10.0, .lag_s = 0.008, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.003}
 #define FUSION_3 \
-    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.0, \
-     .angular_scale = 0.0, .start_lag_s = 0.0}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.0, .angular_scale = 0.0, \
+     .layer = PLUMB_TUNING_LAYER_DATA, .rest_s = 10.0, .lag_s = 0.008, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.0}
 #define FUSION_4 \
-    {.layer = PLUMB_TUNING_LAYER_PRINTED, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.0, \
-     .angular_scale = 0.0, .start_lag_s = 0.0}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.0, .angular_scale = 0.0, \
+     .layer = PLUMB_TUNING_LAYER_PRINTED, .rest_s = 10.0, .lag_s = 0.008, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.0}
 #define FUSION_5 \
-    {.layer = PLUMB_TUNING_LAYER_PRINTED, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.0, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.0, \
-     .angular_scale = 0.0, .start_lag_s = 0.0}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.0, .angular_scale = 0.0, \
+     .layer = PLUMB_TUNING_LAYER_PRINTED, .rest_s = 10.0, .lag_s = 0.0, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.0}
 #define FUSION_6 \
-    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.0056, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
-     .angular_scale = 0.005, .start_lag_s = 0.003}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.005, .angular_scale = 0.005, \
+     .layer = PLUMB_TUNING_LAYER_DATA, .rest_s = 10.0, .lag_s = 0.0056, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.003}
 #define FUSION_7 \
-    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.0056, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.0, \
-     .angular_scale = 0.0, .start_lag_s = 0.0}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.0, .angular_scale = 0.0, \
+     .layer = PLUMB_TUNING_LAYER_DATA, .rest_s = 10.0, .lag_s = 0.0056, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.0}
 #define FUSION_8 \
-    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.0, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
-     .angular_scale = 0.005, .start_lag_s = 0.0}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.005, .angular_scale = 0.005, \
+     .layer = PLUMB_TUNING_LAYER_DATA, .rest_s = 10.0, .lag_s = 0.0, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.0}
 #define FUSION_9 \
-    {.layer = PLUMB_TUNING_LAYER_ATTITUDE, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.0, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
-     .angular_scale = 0.005, .start_lag_s = 0.0}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.005, .angular_scale = 0.005, \
+     .layer = PLUMB_TUNING_LAYER_ATTITUDE, .rest_s = 10.0, .lag_s = 0.0, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.0}
 #define FUSION_10 \
-    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.02, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
-     .angular_scale = 0.005, .start_lag_s = 0.003}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.005, .angular_scale = 0.005, \
+     .layer = PLUMB_TUNING_LAYER_DATA, .rest_s = 10.0, .lag_s = 0.008, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.02, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.003}
 #define FUSION_11 \
-    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.0, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.015, \
-     .angular_scale = 0.005, .start_lag_s = 0.0}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.015, .angular_scale = 0.005, \
+     .layer = PLUMB_TUNING_LAYER_DATA, .rest_s = 10.0, .lag_s = 0.0, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.0}
 #define FUSION_12 \
-    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.01, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
-     .angular_scale = 0.03, .start_lag_s = 0.003}
+    {.gyro_period_s = 0.01, .gyro_phase_s = 0.0, .gyro_scale = 0.005, .angular_scale = 0.03, \
+     .layer = PLUMB_TUNING_LAYER_DATA, .rest_s = 10.0, .lag_s = 0.008, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.003}
 #define PREFILTER_3 \
     {.spike = 4.0, .smooth = 0.75}
 #define PREFILTER_4 \
@@ -81,10 +81,10 @@
 #define CHANNEL_4 \
     {.zero_counts = 2048.0, .unit_per_count = 1.0, .min_counts = 1, .max_counts = 4094}
 #define FUSION_13 \
-    {.layer = PLUMB_TUNING_LAYER_DATA, .gyro_period_s = 0.004, .gyro_phase_s = 0.0, .rest_s = 10.0, \
-     .lag_s = 0.008, .gyro_dps = 0.03, .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, \
-     .angular_walk_dps2 = 0.003, .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .gyro_scale = 0.005, \
-     .angular_scale = 0.005, .start_lag_s = 0.003}
+    {.gyro_period_s = 0.004, .gyro_phase_s = 0.0, .gyro_scale = 0.005, .angular_scale = 0.005, \
+     .layer = PLUMB_TUNING_LAYER_DATA, .rest_s = 10.0, .lag_s = 0.008, .gyro_dps = 0.03, \
+     .angular_dps2 = 0.3, .lost_dps2 = 30.0, .gyro_walk_dps = 0.003, .angular_walk_dps2 = 0.003, \
+     .start_gyro_dps = 1.0, .start_angular_dps2 = 2.0, .start_lag_s = 0.003}
 
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_DATA = {
     .period_us = 4000, .gyro = CHANNEL_1, .angular = CHANNEL_2, .gyro_filter = PREFILTER_1,

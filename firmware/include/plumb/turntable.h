@@ -55,21 +55,21 @@ typedef enum {
 /* Fusion of gyro and angular accelerometer: noise as densities, initial standard deviations. All at least 0.
  */
 typedef struct {
-    int32_t layer;            /* plumb_layer_choice_t */
-    double gyro_period_s;     /* 1 to 16 steps; taken as the nearest fraction with a denominator up to 10^7 */
-    double gyro_phase_s;      /* a sampling instant of the gyro, counted from the first step; up to 10^9 */
-    double rest_s;            /* the run begins at rest */
-    double lag_s;             /* of the gyro, up to 16 steps */
-    double gyro_dps;          /* noise, deg/s per root Hz */
-    double angular_dps2;      /* noise, deg/s^2 per root Hz */
-    double lost_dps2;         /* what stands for it while the angular accelerometer is lost */
-    double gyro_walk_dps;     /* deg/s per root s */
-    double angular_walk_dps2; /* deg/s^2 per root s */
-    double start_gyro_dps;    /* of the gyro's bias */
-    double start_angular_dps2; /* of the other one's */
-    double gyro_scale;         /* scale error of the gyro; 0 with angular_scale: not estimated */
+    double gyro_period_s; /* 1 to 16 steps; taken as the nearest fraction with a denominator up to 10^7 */
+    double gyro_phase_s;  /* a sampling instant of the gyro, counted from the first step; up to 10^9 */
+    double gyro_scale;    /* scale error of the gyro; 0 with angular_scale: not estimated */
     double angular_scale;
-    double start_lag_s; /* of the lag, up to one step; 0: not estimated */
+    int32_t layer;             /* plumb_layer_choice_t */
+    double rest_s;             /* the run begins at rest */
+    double lag_s;              /* of the gyro, up to 16 steps */
+    double gyro_dps;           /* noise, deg/s per root Hz */
+    double angular_dps2;       /* noise, deg/s^2 per root Hz */
+    double lost_dps2;          /* what stands for it while the angular accelerometer is lost */
+    double gyro_walk_dps;      /* deg/s per root s */
+    double angular_walk_dps2;  /* deg/s^2 per root s */
+    double start_gyro_dps;     /* of the gyro's bias */
+    double start_angular_dps2; /* of the other one's */
+    double start_lag_s;        /* of the lag, up to one step; 0: not estimated */
 } plumb_fusion_tuning_t;
 
 /* Settings of the turntable. */

@@ -4,8 +4,9 @@ A parameter in a `system.toml` declares its setting; `[[setting]]` declares one 
 system's `quantise.py` converts. The dataclasses of a tuning (`plumb.systems.NAME.settings`) are generated from both,
 and `plumb.tuning.declared` converts whole tunings.
 
-A conversion is a formula or one of the names below. A formula multiplies the setting by constants or divides it:
-`* turn * dt`. Its constants are CONSTANTS, `dt` (the period of a step in s), and those that `quantise.py` computes.
+A conversion is a formula or one of the names below. A formula multiplies the setting by constants or divides it, and
+may square what it has so far: `* turn * dt`, `/ turn squared * dt`. Its constants are CONSTANTS, `dt` (the period of a
+step in s), and those that `quantise.py` computes.
 """
 
 from __future__ import annotations
@@ -22,13 +23,15 @@ Names = Mapping[str, Fraction | float]
 """Constant of a formula -> its value."""
 CONSTANTS: Names = {"turn": Fraction(360), "tau": Fraction(math.tau), "gravity": Fraction(9.80665)}
 """turn: deg; tau: rad in a turn; gravity: m/s^2."""
-SAME, STEPS, CHOICE, SINE, FILTER = "same", "steps", "choice", "sine", "filter"
+SAME, STEPS, CHOICE, SINE, FILTER, WORD = "same", "steps", "choice", "sine", "filter", "word"
 """SAME: the number itself. STEPS: a time in s as the nearest number of steps. CHOICE: a whole number. SINE: of an angle
-in deg. FILTER: 1 - exp(-dt / tau) of a time constant in s, 1 for 0."""
-CONVERSIONS = (SAME, STEPS, CHOICE, SINE, FILTER)
+in deg. FILTER: 1 - exp(-dt / tau) of a time constant in s, 1 for 0. WORD: one of `choices`, as its place in them."""
+CONVERSIONS = (SAME, STEPS, CHOICE, SINE, FILTER, WORD)
+SQUARED = "squared"
 NAME = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)+")
 TYPE = re.compile(r"[A-Z][A-Za-z0-9]*")
-FORMULA = re.compile(r"[*/] \w+( [*/] \w+)*")
+FACTOR = re.compile(r"squared|[*/] \w+")
+FORMULA = re.compile(rf"({FACTOR.pattern})( ({FACTOR.pattern}))*")
 
 
 @dataclass(frozen=True)
@@ -41,10 +44,11 @@ class Setting:
     unit: str
     doc: str
     conversion: str = ""
-    default: float | None = None
+    default: float | str | None = None
     low: int | None = None
     high: int | None = None
     saturates: bool = False
+    choices: tuple[str, ...] = ()
 
     @property
     def group(self) -> str:
@@ -54,6 +58,8 @@ class Setting:
     @property
     def type(self) -> str:
         """Of the field in the tuning."""
+        if self.conversion == WORD:
+            return f"Literal[{', '.join(map(repr, self.choices))}]"
         return "int" if self.conversion == CHOICE or (not self.conversion and type(self.default) is int) else "float"
 
     def limits(self, least: int, most: int) -> tuple[int, int]:
@@ -82,9 +88,15 @@ def bits(format_: str) -> int:
     return int(format_[1:]) if format_.startswith("Q") else 0
 
 
-def _factors(conversion: str) -> list[tuple[str, str]]:
-    signs = conversion.split()
-    return list(zip(signs[::2], signs[1::2], strict=True))
+def factors(conversion: str) -> list[tuple[str, str]]:
+    """Sign and constant of each factor of a formula; SQUARED and "" where it is squared."""
+    found = [factor.partition(" ") for factor in FACTOR.findall(conversion)]
+    return [(sign, name) for sign, _, name in found]
+
+
+def power(conversion: str) -> int:
+    """Power of the setting in what its integer is proportional to: 2 of a formula that squares it, else 1."""
+    return 2 if SQUARED in conversion.split() else 1
 
 
 def to_number(conversion: str, asked: float, names: Names) -> Fraction:
@@ -98,7 +110,10 @@ def to_number(conversion: str, asked: float, names: Names) -> Fraction:
         return Fraction(math.sin(math.radians(asked)))
     if conversion == FILTER:
         return Fraction(-math.expm1(-float(names["dt"]) / asked)) if asked > 0 else Fraction(1)
-    for sign, name in _factors(conversion):
+    for sign, name in factors(conversion):
+        if sign == SQUARED:
+            number *= number
+            continue
         factor = Fraction(names[name])
         number = number * factor if sign == "*" else number / factor
     return number
@@ -116,7 +131,10 @@ def from_number(conversion: str, number: float, names: Names) -> float:
         if number == 0:
             return math.inf
         return -float(names["dt"]) / math.log1p(-number) if number < 1 else 0.0
-    for sign, name in reversed(_factors(conversion)):
+    for sign, name in reversed(factors(conversion)):
+        if sign == SQUARED:
+            number = math.sqrt(number)
+            continue
         factor = float(names[name])
         if sign == "*":
             number = number / factor if factor else 0.0
@@ -127,7 +145,7 @@ def from_number(conversion: str, number: float, names: Names) -> float:
 
 def factory_word(setting: Setting, format_: str, most: int, dt: Fraction) -> int:
     """The integer of a setting's default at a period of dt in s."""
-    assert setting.default is not None
+    assert isinstance(setting.default, int | float)
     number = to_number(setting.conversion, setting.default, {**CONSTANTS, "dt": dt})
     return min(round(number * (1 << bits(format_))), most)
 
@@ -148,8 +166,15 @@ def read(given: object, doc: str = "") -> Setting:
             f"setting {name}: conversion is a formula such as '* turn * dt', or {', '.join(CONVERSIONS)}, "
             f"not {texts['conversion']!r:.40}"
         )
+    choices = given.get("choices", [])
+    if not isinstance(choices, list) or not all(isinstance(word, str) and word.isidentifier() for word in choices):
+        raise UsageError(f"setting {name}: choices is a list of names, not {choices!r:.40}")
+    if bool(choices) is not (texts["conversion"] == WORD):
+        raise UsageError(f"setting {name}: conversion {WORD!r} has choices, and no other")
     default = given.get("default")
-    if isinstance(default, bool) or not isinstance(default, int | float | None):
+    if choices and default not in (*choices, None):
+        raise UsageError(f"setting {name}: default is one of its choices, not {default!r:.40}")
+    if not choices and (isinstance(default, bool) or not isinstance(default, int | float | None)):
         raise UsageError(f"setting {name}: default is a number, not {default!r:.40}")
     low, high, saturates = given.get("low"), given.get("high"), given.get("saturates", False)
     for key, limit in (("low", low), ("high", high)):
@@ -157,10 +182,10 @@ def read(given: object, doc: str = "") -> Setting:
             raise UsageError(f"setting {name}: {key} is a limit of its integer, not {limit!r:.40}")
     if not isinstance(saturates, bool):
         raise UsageError(f"setting {name}: saturates is true or false, not {saturates!r:.40}")
-    unknown = sorted(given.keys() - {"name", "default", "low", "high", "saturates", *texts})
+    unknown = sorted(given.keys() - {"name", "default", "low", "high", "saturates", "choices", *texts})
     if unknown:
         raise UsageError(f"setting {name}: {unknown[0]} is unknown")
-    return Setting(name, default=default, low=low, high=high, saturates=saturates, **texts)
+    return Setting(name, default=default, low=low, high=high, saturates=saturates, choices=tuple(choices), **texts)
 
 
 def read_group(name: str, given: object) -> SettingGroup:

@@ -10,9 +10,23 @@ from operator import attrgetter
 from typing import TypeVar, get_type_hints
 
 from plumb.contract.parameters import ControlParams
+from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
 from plumb.spec.parameters import Parameter
-from plumb.spec.settings import CHOICE, CONSTANTS, FILTER, SINE, STEPS, Names, Setting, bits, from_number, to_number
+from plumb.spec.settings import (
+    CHOICE,
+    CONSTANTS,
+    FILTER,
+    SINE,
+    STEPS,
+    WORD,
+    Names,
+    Setting,
+    bits,
+    from_number,
+    power,
+    to_number,
+)
 from plumb.spec.tuning import AnyTuning
 from plumb.tuning.whole import check_numbers, refuse, whole
 
@@ -60,8 +74,13 @@ def group_words(group: str, settings: object, names: Names) -> dict[str, int]:
     }
 
 
-def setting_word(row: Parameter, setting: Setting, asked: float, names: Names) -> int:
+def setting_word(row: Parameter, setting: Setting, asked: float | str, names: Names) -> int:
     """The integer of one setting, within the range of its parameter."""
+    if setting.conversion == WORD:
+        if asked not in setting.choices:
+            raise UsageError(f"{setting.name} = '{asked}': {', '.join(setting.choices)}")
+        return setting.choices.index(str(asked))
+    assert not isinstance(asked, str)
     name, conversion, scale = setting.name, setting.conversion, 1 << bits(row.format)
     low, high = setting.limits(row.min, row.max)
     if conversion == CHOICE:
@@ -73,7 +92,8 @@ def setting_word(row: Parameter, setting: Setting, asked: float, names: Names) -
     exact = to_number(conversion, asked, names) * scale
     if conversion in (STEPS, SINE, FILTER):
         return _bent(row, setting, asked, exact, names)
-    return whole(name, asked, min(exact, Fraction(high)) if setting.saturates else exact, low, high)
+    exact = min(exact, Fraction(high)) if setting.saturates else exact
+    return whole(name, asked, exact, low, high, power(conversion))
 
 
 def _bent(row: Parameter, setting: Setting, asked: float, exact: Fraction, names: Names) -> int:
@@ -122,6 +142,9 @@ def settings_of(
         else:
             row, setting = rows[name]
             word = params[row.name]
+            if setting.conversion == WORD:
+                values[entry.name] = setting.choices[word]
+                continue
             value = from_number(setting.conversion, _number(row, word), known)
             values[entry.name] = word if setting.conversion == CHOICE else value
     return kind(**values)

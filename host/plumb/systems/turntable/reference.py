@@ -25,7 +25,8 @@ import numpy.typing as npt
 
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.tuning import Channel
-from plumb.systems.turntable.tuning import Prefilter, TurntableTuning
+from plumb.systems.turntable.settings import Prefilter
+from plumb.systems.turntable.tuning import TurntableTuning
 
 RATE, GYRO_BIAS, ANGULAR_BIAS, DIFFERENCE, ANGLE = range(5)
 NO_SAMPLE = -32768

@@ -29,7 +29,8 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
 from plumb.systems.run_length import length_s
 from plumb.systems.turntable.motion import REST_S, at, lagged, motion
-from plumb.systems.turntable.tuning import Fusion, Prefilter, TurntableTuning
+from plumb.systems.turntable.settings import Fusion, Prefilter
+from plumb.systems.turntable.tuning import TurntableTuning
 
 PERIOD_US = 4_000
 GYRO_PERIOD_S = 0.01
