@@ -37,6 +37,8 @@ if [ "$purpose" = test ]; then
     # The flashing tools that plumb drives, or that should get on with its simulated bootloader.
     need openocd openocd
     need stm32flash stm32flash
+    # The debugger that stops the simulated chip.
+    need gdb-multiarch gdb-multiarch
     # Shells whose completion is tried; bash is there.
     need zsh zsh
     need fish fish

@@ -31,6 +31,8 @@ from plumb.f103.core.probe import Probe
 from plumb.f103.core.program_fault import Places, ProgramFault
 from plumb.f103.core.scb import Scb, SysTick
 from plumb.f103.core.timeline import NEVER, TICKS_PER_S, TICKS_PER_US, Timeline
+from plumb.f103.debug_hold import DebugHold
+from plumb.f103.gdb_server import GdbServer
 from plumb.f103.peripherals.adc import PINS as ADC_PINS
 from plumb.f103.peripherals.adc import Adc
 from plumb.f103.peripherals.backup import Bkp, Pwr
@@ -140,7 +142,7 @@ class Machine:
     with FaultStop; "run": its handler runs, as on silicon. Both note it in `program_faults`.
     """
 
-    WIRING = frozenset({"probe"})
+    WIRING = frozenset({"probe", "debug_hold"})
     cpu: Cpu
     rcc: Rcc
 
@@ -159,6 +161,8 @@ class Machine:
             raise UsageError(f"'{part}' is not a simulated part; use one of {', '.join(PARTS)}")
         self.probe: Probe | None = None
         """An instrument on the pins, for example `waveforms.VcdTrace`; snapshots do not keep it."""
+        self.debug_hold: DebugHold | None = None
+        """A debugger's hold on the machine, which `debug` makes; snapshots do not keep it."""
         self.part = PARTS[part]
         data = load_image(image) if isinstance(image, Path) else image
         check_image(data, "the image")
@@ -344,7 +348,27 @@ class Machine:
         """Restore the state of the snapshot; from then on the same calls give the same bytes."""
         if self.cpu.running:
             raise SimulationError("a snapshot cannot be restored while the core runs: end the call that lets time pass")
+        hold = self.debug_hold
         snapshot.restore()
+        self.debug_hold = hold
+
+    # A debugger
+
+    def debug(self, server: GdbServer | int = 0) -> GdbServer:
+        """Let gdb stop this machine, step it and look into it; a program that runs cannot tell.
+
+        Args:
+            server: A port of the loopback address, 0 for a free one, or a server that has other machines already.
+
+        Returns:
+            The server: `port`, and `close()`, after which the machine is alone again.
+
+        Raises:
+            LinkError: The port is taken.
+        """
+        opened = GdbServer(server) if isinstance(server, int) else server
+        self.debug_hold = opened.hold(self, self._step)
+        return opened
 
     # Time
 
@@ -372,37 +396,37 @@ class Machine:
         """Advance until predicate() holds; False when limit_us passed first. The predicate is evaluated after every
         event and interrupt, and at least every LOOK_US."""
         end = self.now + round(limit_us * TICKS_PER_US)
-        with self._interruptible():
+        with self._interruptible() as step:
             while not predicate():
                 if self.now >= end:
                     return False
-                self._step(min(end, self.now + LOOK_US * TICKS_PER_US))
+                step(min(end, self.now + LOOK_US * TICKS_PER_US))
         return True
 
     def run_to(self, time: int) -> None:
-        with self._interruptible():
+        with self._interruptible() as step:
             while self.cpu.base < time:
-                self._step(time)
+                step(time)
 
     def run_until_sending(self, deadline: int) -> None:
         """Advance until the board begins to send on the UART or CAN, or to the deadline in ticks."""
         self._host_waits, self._stop = True, False
-        with self._interruptible():
+        with self._interruptible() as step:
             while self.cpu.base < deadline and not self._stop:
-                self._step(deadline)
+                step(deadline)
         self._host_waits = False
 
     @contextlib.contextmanager
-    def _interruptible(self) -> Iterator[None]:
-        """Within this context Ctrl-C and SIGTERM raise their exception only after the core has ended its slice, in a
-        process whose handlers raise one."""
+    def _interruptible(self) -> Iterator[Callable[[int], None]]:
+        """Gives the function that makes a step. Within this context Ctrl-C and SIGTERM raise their exception only after
+        the core has ended its slice, in a process whose handlers raise one."""
         handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
         main = threading.current_thread() is threading.main_thread()
         raising = [n for n, old in handlers.items() if main and old in (signal.default_int_handler, raise_at_once)]
         for number in raising:
             signal.signal(number, self.cpu.on_interrupt)
         try:
-            yield
+            yield self._step if self.debug_hold is None else self.debug_hold.step
         finally:
             for number in raising:
                 signal.signal(number, handlers[number])

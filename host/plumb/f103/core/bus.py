@@ -31,6 +31,7 @@ class Register(NamedTuple):
 
 class Peripheral:
     """One block of registers. `clocked` follows its enable bit in RCC: without a clock it reads 0 and ignores writes.
+    Where reading a register has an effect, `peek_NAME` gives its value without one, for a debugger.
 
     Every attribute is state that a snapshot keeps (snapshot.py), unless the class names it in WIRING.
     """
@@ -78,12 +79,13 @@ class Peripheral:
 class Bus:
     """The registers by address, and the two callbacks of the core for reads and writes."""
 
-    WIRING = frozenset({"readers", "writers"})
+    WIRING = frozenset({"readers", "writers", "peekers"})
 
     def __init__(self, machine: Mcu) -> None:
         self.machine = machine
         self.readers: dict[int, tuple[Peripheral, Callable[[], int]]] = {}
         self.writers: dict[int, tuple[Peripheral, Callable[[int], None]]] = {}
+        self.peekers: dict[int, tuple[Peripheral, Callable[[], int]]] = {}
         self.peripherals: list[Peripheral] = []
 
     def attach(self, peripheral: Peripheral) -> None:
@@ -94,6 +96,7 @@ class Bus:
             write = getattr(peripheral, "write_" + register.name, None) or peripheral.plain_writer(register)
             self.readers[address] = (peripheral, read)
             self.writers[address] = (peripheral, write)
+            self.peekers[address] = (peripheral, getattr(peripheral, "peek_" + register.name, read))
 
     def read(self, address: int, size: int) -> int:
         found = self.readers.get(address & ~3)
@@ -107,6 +110,14 @@ class Bus:
         if size == 4:
             return value
         return (value >> (8 * (address & 3))) & ((1 << (8 * size)) - 1)
+
+    def peek(self, address: int) -> int | None:
+        """The word that the register at `address` would give; the program notices nothing. None: no register."""
+        found = self.peekers.get(address)
+        if found is None:
+            return None
+        peripheral, read = found
+        return read() & 0xFFFFFFFF if peripheral.clocked else 0
 
     def write(self, address: int, size: int, value: int) -> None:
         found = self.writers.get(address & ~3)

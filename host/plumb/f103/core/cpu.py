@@ -168,8 +168,8 @@ class Cpu:
         self._turned: dict[CrcLoop, Registers] = {}
         self.running = False
         self.loops_at_once = True
-        """True: many turns of the loop that feeds the CRC unit are computed at once (crc_loop.py); False: Unicorn
-        executes every turn."""
+        """True: many turns of the loop that feeds the CRC unit, or of a branch to itself, are computed at once
+        (crc_loop.py); False: Unicorn executes every instruction, so that a debugger meets each."""
         self.sleeping = False
         self.locked_up = ""
         self.base = 0
@@ -317,6 +317,24 @@ class Cpu:
         if self.running:
             self._limit.value = min(self._limit.value, self._counter.value)
 
+    def stop_before(self) -> bool:
+        """Called by Unicorn before an instruction, with the count already raised for it: end the slice without it.
+        False when the slice has ended before it anyway."""
+        if self._counter.value > self._limit.value:
+            return False
+        self._limit.value = self._counter.value - 1
+        uclib.uc_emu_stop(self._handle)
+        return True
+
+    @property
+    def at_first(self) -> bool:
+        """Called like `stop_before`: whether the instruction is the first one of its slice."""
+        return self._counter.value == 1
+
+    def take_over(self) -> None:
+        """Registers inside Unicorn were written from outside, between two slices: the stack pointer or a mask."""
+        _pc, self.stack, self._primask, self._faultmask, self._base_priority = self._state.read()
+
     def end_slice_at(self, time: int) -> None:
         """An event at `time` has become the next one: end the slice with the first instruction that ends at or after
         it."""
@@ -401,7 +419,7 @@ class Cpu:
         """Run one instruction while the mask registers hold an exception back, which is due as soon as they are
         cleared. After WFI that instruction is nearly always CPSIE I, which is cheaper to execute here. A branch to
         itself clears no mask: time passes at once up to `until`."""
-        place = self.pc - FLASH_BASE
+        place = self.pc - FLASH_BASE if self.loops_at_once else -1
         if place >= 0 and self.flash[place : place + 2] == BRANCH_TO_ITSELF:
             turns = max(1, -(-(until - self.base) // self.instruction_ticks))
             self.base += turns * self.instruction_ticks

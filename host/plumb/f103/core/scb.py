@@ -170,6 +170,10 @@ class SysTick(Peripheral):
         self.flag = False
         return value
 
+    def peek_ctrl(self) -> int:
+        self._settle(self.machine.now)
+        return self.ctrl | self.flag << 16
+
     def write_ctrl(self, value: int) -> None:
         now = self.machine.now
         self._settle(now)

@@ -165,6 +165,9 @@ class Adc(Peripheral):
         self._update_line()
         return self.dr
 
+    def peek_dr(self) -> int:
+        return self.dr
+
     def write_cr1(self, value: int) -> None:
         if value & 0x00CF_F8C0:
             raise SimulationError(f"{self.name}_CR1 = 0x{value:08X}: only EOCIE and SCAN are modelled")

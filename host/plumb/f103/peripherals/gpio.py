@@ -146,6 +146,9 @@ class Afio(Peripheral):
     def read_mapr(self) -> int:
         return self.mapr | self._garbage.randrange(8) << 24
 
+    def peek_mapr(self) -> int:
+        return self.mapr
+
     def write_mapr(self, value: int) -> None:
         self.mapr = value & 0x001FFFFF
         self.swj_cfg = (value >> 24) & 7

@@ -342,6 +342,9 @@ class I2c(Peripheral):
         self.sr1_read = self.sr1
         return self.sr1
 
+    def peek_sr1(self) -> int:
+        return self.sr1
+
     def write_sr1(self, value: int) -> None:
         self.sr1 &= value | ~ERRORS
         self._lines()
@@ -352,6 +355,9 @@ class I2c(Peripheral):
             self.refused = False
             self._lines()
             self._go_on()
+        return self.peek_sr2()
+
+    def peek_sr2(self) -> int:
         if not self.cr1 & PE:
             return 0
         master = self.phase not in ("idle", "waiting", "dead")
@@ -382,3 +388,6 @@ class I2c(Peripheral):
         self._lines()
         self._go_on()
         return value
+
+    def peek_dr(self) -> int:
+        return self.received

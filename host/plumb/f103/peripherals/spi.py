@@ -142,12 +142,18 @@ class Spi(Peripheral):
         self.dr_read = False
         return value
 
+    def peek_sr(self) -> int:
+        return self.sr
+
     def write_sr(self, value: int) -> None:
         """Writes have no effect: the modelled bits are read-only."""
 
     def read_dr(self) -> int:
         self.sr &= ~RXNE
         self.dr_read = True
+        return self.received
+
+    def peek_dr(self) -> int:
         return self.received
 
     def write_dr(self, value: int) -> None:

@@ -238,6 +238,9 @@ class Tim1(Timer):
             self._plan()
         return self.ccr1
 
+    def peek_ccr1(self) -> int:
+        return self.ccr1
+
     def write_dier(self, value: int) -> None:
         if value & ~CC1I:
             raise SimulationError(f"TIM1_DIER = 0x{value:04X}: only the interrupt of channel 1 is modelled")

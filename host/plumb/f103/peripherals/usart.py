@@ -371,6 +371,9 @@ class Usart(Peripheral, ABC):
         self._plan()
         return self.flags_read
 
+    def peek_sr(self) -> int:
+        return self._status()
+
     def write_sr(self, value: int) -> None:
         self._settle_tx_now()
         self._settle_rx_now()
@@ -384,6 +387,9 @@ class Usart(Peripheral, ABC):
         self.rx_flags &= ~(self.flags_read & (PE | FE | NE | ORE | IDLE) | RXNE)
         self.flags_read = 0
         self._plan()
+        return self.rdr
+
+    def peek_dr(self) -> int:
         return self.rdr
 
     def write_dr(self, value: int) -> None:

@@ -1,0 +1,27 @@
+"""What gdb asks about the simulated chip once: its registers and its memories, as XML."""
+
+from __future__ import annotations
+
+from plumb.f103.core.cpu import FLASH_BASE, RAM_BASE, SYSTEM_BASE
+from plumb.f103.debug_hold import REGISTERS, Chip
+
+CORE_REGISTERS = 17
+"""r0 to xpsr; the others belong to the system."""
+TYPES = {"sp": "data_ptr", "msp": "data_ptr", "psp": "data_ptr", "pc": "code_ptr"}
+
+
+def target_xml(_machine: Chip) -> str:
+    """The registers of the core."""
+    registers = [f'<reg name="{name}" bitsize="32" type="{TYPES.get(name, "uint32")}"/>' for name in REGISTERS]
+    parts = {"m-profile": registers[:CORE_REGISTERS], "m-system": registers[CORE_REGISTERS:]}
+    features = (f'<feature name="org.gnu.gdb.arm.{name}">{"".join(part)}</feature>' for name, part in parts.items())
+    return f'<?xml version="1.0"?><target version="1.0"><architecture>arm</architecture>{"".join(features)}</target>'
+
+
+def memory_map_xml(machine: Chip) -> str:
+    """The memories: for code that is read only gdb takes hardware breakpoints, and does not load an image into it."""
+    flash, ram = len(machine.cpu.flash), len(machine.cpu.ram)
+    areas = (("rom", 0, flash), ("rom", FLASH_BASE, flash), ("rom", SYSTEM_BASE, 0x1000), ("ram", RAM_BASE, ram),
+             ("ram", 0x40000000, 0x20000000), ("ram", 0xE0000000, 0x100000))  # fmt: skip
+    memories = "".join(f'<memory type="{kind}" start="{start:#x}" length="{size:#x}"/>' for kind, start, size in areas)
+    return f'<?xml version="1.0"?><memory-map>{memories}</memory-map>'
