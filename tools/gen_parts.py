@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from plumb.spec import declarations
 from plumb.spec.system import AXIS, BATTERY, FLIGHT, OUTPUTS, RECEIVER, RIDE, System
 
 LINE_1 = (
@@ -76,6 +77,12 @@ COUNTS = {"RIDE": 9}
 """Sensor sets with more raw counts than six."""
 DIGITAL_KINDS = PARTS["DIGITAL"].needed_by
 ANALOG_KINDS = PARTS["ANALOG"].needed_by
+
+
+def used_parts(names: Sequence[str]) -> list[str]:
+    """Parts that an image of these systems uses, of all systems without any."""
+    built = [system for name, system in declarations.systems().items() if not names or name in names]
+    return [name for name, part in PARTS.items() if part.used(built)]
 
 
 def unused_sources(built: Sequence[System]) -> list[str]:

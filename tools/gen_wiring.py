@@ -10,6 +10,7 @@ from pathlib import Path
 
 from plumb import systems
 from plumb.spec import declarations
+from plumb.spec.pin_sets import PIN_SETS, STRAP
 from plumb.systems.wiring import ANALOG, DRAIN, INPUT, OUTPUT, WIRING, Device, Drawing
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -30,12 +31,7 @@ SUPPLY_WIDTH = 84
 """Width next to a box that is kept free of wires for the names of supplies."""
 
 
-STRAP_TIES = {
-    "standard": {"PB4": "open", "PB5": "open"},
-    "bridge": {"PB4": "open", "PB5": "to GND"},
-    "quadrotor": {"PB4": "to GND", "PB5": "open"},
-    "wheels": {"PB4": "to GND", "PB5": "to GND"},
-}
+STRAP_TIES = {one.name: {pin: "to GND" if pin in one.grounded else "open" for pin in STRAP} for one in PIN_SETS}
 """Pin set -> strap, which is read once at the start and alone selects the pins of UART and actuators."""
 
 DRAWINGS: tuple[Drawing, ...] = tuple(

@@ -20,6 +20,7 @@ sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tools")]
 import gen_chips  # type: ignore[import-not-found]  # noqa: E402
 import gen_messages  # type: ignore[import-not-found]  # noqa: E402
 import gen_params  # type: ignore[import-not-found]  # noqa: E402
+import gen_parts  # type: ignore[import-not-found]  # noqa: E402
 import gen_pin_sets  # type: ignore[import-not-found]  # noqa: E402
 import gen_reference  # type: ignore[import-not-found]  # noqa: E402
 import gen_settings  # type: ignore[import-not-found]  # noqa: E402
@@ -29,8 +30,8 @@ from plumb.errors import UsageError  # noqa: E402
 from plumb.spec import declarations, images, imu_chips, tool_dbc  # noqa: E402
 
 BUILT = {
-    "chips.c", "messages.c", "messages.h", "outputs.h", "params.c", "params.h", "pin_sets.h", "record_names.h",
-    "record_places.c", "sensor_kinds.h", "used_parts.h",
+    "chips.c", "messages.c", "messages.h", "outputs.h", "params.c", "params.h", "pin_modes.h", "pin_sets.h",
+    "record_names.h", "record_places.c", "sensor_kinds.h", "used_parts.h",
 }  # fmt: skip
 """Of firmware/generated: made in each build, and not committed."""
 
@@ -49,6 +50,7 @@ def c_files(built: tuple[str, ...] = (), flash: bool = False) -> dict[str, str]:
     files["chips.c"] = gen_chips.chips_c(ways)
     files["ranges.h"] = gen_settings.ranges_h(declarations.systems().values())
     files["pin_sets.h"] = gen_pin_sets.pin_sets_h()
+    files["pin_modes.h"] = gen_pin_sets.pin_modes_h(gen_parts.used_parts(built))
     return {name if "/" in name else f"generated/{name}": text for name, text in files.items()}
 
 
@@ -61,6 +63,7 @@ def committed() -> dict[Path, str]:
     }
     files |= {ROOT / "docs" / "reference" / name: text for name, text in gen_reference.generate().items()}
     files[ROOT / "docs" / "reference" / "sensor-chips.md"] = wrap_prose.wrapped(gen_chips.page())
+    files[ROOT / "docs" / "reference" / "pins.md"] = gen_pin_sets.page()
     files |= gen_settings.settings_files(declarations.systems())
     return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": tool_dbc.text()}
 

@@ -27,6 +27,7 @@ void session_receive_pilot(session_t *s, uint32_t now_us) {
     uint16_t stamps_us[16];
     size_t count;
 
+    s->readiness.outside = 0; /* of this turn: what the battery lacks, then what the pilot does */
     do {
         count = board_receiver_read(bytes, sizeof bytes);
         receive_sticks(s, bytes, count, now_us);

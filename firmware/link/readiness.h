@@ -44,7 +44,7 @@ typedef struct {
     } now;
     uint16_t disarmed_by; /* PLUMB_PLAUSIBILITY_ACCEL and so on: the checks that failed last while armed */
     uint16_t stopped;     /* why the step of a vehicle has stopped the motors, shifted; 0: it has not */
-    uint16_t outside;     /* READINESS_, set by the session on every turn */
+    uint16_t outside;     /* READINESS_, of battery and pilot, set on every turn where an image has one */
 } readiness_t;
 
 /* Call at the start of a run of that system. */

@@ -15,7 +15,7 @@ void session_report(session_t *s, const session_report_t *report, uint32_t now_u
     s->status.faults = report->faults | staging_faults(&s->staging);
     s->status.can = report->can;
     s->status.sensors = report->sensors;
-    s->readiness.outside = session_follow_battery(s, now_us);
+    session_follow_battery(s, now_us);
     session_follow_switches(s, report->switch_closed, now_us);
 }
 

@@ -1,12 +1,12 @@
 #include "session_battery.h"
 #include "app/board_battery.h"
 
-uint16_t session_follow_battery(session_t *s, uint32_t now_us) {
+void session_follow_battery(session_t *s, uint32_t now_us) {
     uint16_t counts[BATTERY_INPUTS] = {0};
     const bool read = board_battery_read(counts);
 
     battery_follow(&s->battery, read, counts, now_us);
-    return battery_missing(&s->battery, s->params);
+    s->readiness.outside = battery_missing(&s->battery, s->params);
 }
 
 void session_send_battery(const session_t *s, link_t link) {
