@@ -19,7 +19,8 @@ from plumb.spec import declarations
 from plumb.spec.records import RECORDS, Words, names_of
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.fixed_state import AttitudeState
-from plumb.systems.attitude.tuning import AttitudeTuning, Motion, Mounting, Rest
+from plumb.systems.attitude.settings import Motion, Rest
+from plumb.systems.attitude.tuning import AttitudeTuning, Mounting
 from support.each_run import run_each
 from support.wild_params import wild_attitude_params
 

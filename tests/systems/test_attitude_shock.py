@@ -17,7 +17,7 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.quantise import quantise
-from plumb.systems.attitude.tuning import Aid
+from plumb.systems.attitude.settings import Aid
 from support.prescribed_motion import (
     PERIOD_US,
     UNIT_DPS,

@@ -15,7 +15,7 @@ from plumb.systems.attitude import scenarios as attitude
 from plumb.systems.attitude.quantise import G_MPS2, quantise
 from plumb.systems.attitude.reference import Model
 from plumb.systems.attitude.reference_state import Sums
-from plumb.systems.attitude.tuning import Aid
+from plumb.systems.attitude.settings import Aid
 from support.prescribed_motion import (
     PERIOD_S,
     PERIOD_US,

@@ -15,7 +15,8 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.spec.tuning import Channel
 from plumb.systems.attitude import reference as attitude_reference
-from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Motion
+from plumb.systems.attitude.settings import Aid, Motion
+from plumb.systems.attitude.tuning import AttitudeTuning
 from plumb.systems.quadrotor import fixed_mixer, reference
 from plumb.systems.quadrotor.reference_rates import error_of_vertical
 from plumb.systems.quadrotor.settings import RateGains, Rates, Receiver

@@ -15,7 +15,7 @@ from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.attitude import scenarios
-from plumb.systems.attitude.tuning import Aid
+from plumb.systems.attitude.settings import Aid
 
 TUNING_NAME = "vehicle"
 FULL_Q15 = 32767

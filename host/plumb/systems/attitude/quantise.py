@@ -10,7 +10,8 @@ import math
 from fractions import Fraction
 
 from plumb.contract.parameters import ControlParams
-from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Gyro, Motion, Mounting, Rest
+from plumb.systems.attitude.settings import Aid, Gyro, Motion, Rest
+from plumb.systems.attitude.tuning import AttitudeTuning, Mounting
 from plumb.tuning import mounting
 from plumb.tuning.groups import channel_of, channel_words
 from plumb.tuning.whole import check_numbers, not_negative, refuse, whole

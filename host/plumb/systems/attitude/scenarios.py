@@ -24,7 +24,8 @@ from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
 from plumb.systems.attitude import motion
 from plumb.systems.attitude.quantise import PERIODS_US
-from plumb.systems.attitude.tuning import Aid, AttitudeTuning, Gyro
+from plumb.systems.attitude.settings import Aid, Gyro
+from plumb.systems.attitude.tuning import AttitudeTuning
 from plumb.systems.prescribed import Playback, Steps, put_faults
 from plumb.systems.run_length import length_s
 from plumb.tuning.channels import NO_SAMPLE

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from plumb.spec.tuning import NUMBER, Channel, ForOnePeriod, quantity
+from plumb.systems.attitude.settings import Aid, Gyro, Motion, Rest
 
 Row = tuple[float, float, float]
 
@@ -37,106 +38,8 @@ class Mounting:
 
 
 @dataclass(frozen=True)
-class Gyro:
-    """Errors of the gyro that the filter expects: standard deviations before the first sample, and noise.
-
-    turn_noise stands for what the model of bias and scale leaves out: misalignment, lag, bending.
-    """
-
-    bias_dps: float = field(
-        default=2.0, metadata=quantity("deg/s", "standard deviation of the bias before the first sample")
-    )
-    scale: float = field(
-        default=0.0055, metadata=quantity(NUMBER, "standard deviation of the scale error before the first sample")
-    )
-    bias_walk_dps: float = field(default=0.017, metadata=quantity("deg/s per sqrt(s)", "random walk of the bias"))
-    noise_dps: float = field(default=0.0018, metadata=quantity("deg/s per sqrt(Hz)", "noise density of the gyro"))
-    turn_noise: float = field(
-        default=0.001, metadata=quantity("deg/s per sqrt(Hz), per deg/s", "noise density for every deg/s of rate")
-    )
-    scale_walk: float = field(default=8e-06, metadata=quantity("per sqrt(s)", "random walk of the scale error"))
-    clipped_deg: float = field(
-        default=5.7,
-        metadata=quantity("deg", "standard deviation of the tilt that a block without any sample adds"),
-    )
-    turn_doubt: float = field(
-        default=0.0084,
-        metadata=quantity(
-            "deg/s per sqrt(Hz), per deg/s and m/s",
-            "what every m/s of a lasting velocity beyond `motion.velocity_mps` adds to `turn_noise`",
-        ),
-    )
-
-
-@dataclass(frozen=True)
-class Motion:
-    """How a body moves: it accelerates, but does not move away; and what a velocity that lasts tells."""
-
-    velocity_mps: float = field(
-        default=0.343, metadata=quantity("m/s", "standard deviation of the velocity of a body that moves little")
-    )
-    share: float = field(
-        default=0.4,
-        metadata=quantity(
-            NUMBER, "share of the mean square of the integrated velocity that is added to the square of `velocity_mps`"
-        ),
-    )
-    pass_s: float = field(default=1.0, metadata=quantity("s", "time constant of that mean square"))
-    leak_s: float = field(
-        default=200.0, metadata=quantity("s", "time constant with which the integrated velocity forgets")
-    )
-    start_tilt_deg: float = field(
-        default=20.0, metadata=quantity("deg", "standard deviation of the tilt before the first sample")
-    )
-    start_velocity_mps: float = field(
-        default=1.2, metadata=quantity("m/s", "standard deviation of the velocity before the first sample")
-    )
-    unsure_deg: float = field(
-        default=5.0, metadata=quantity("deg", "standard deviation of the tilt from which it is flagged")
-    )
-    travel_mps: float = field(
-        default=2.0, metadata=quantity("m/s", "lasting velocity beyond which the body travels, and the tilt waits")
-    )
-    travel_s: float = field(default=3.0, metadata=quantity("s", "time over which a velocity lasts"))
-
-
-@dataclass(frozen=True)
-class Rest:
-    """What counts as rest, which measures the bias."""
-
-    gyro_dps: float = field(
-        default=1.15, metadata=quantity("deg/s", "largest distance of a rate from the mean of the block before")
-    )
-    accel_g: float = field(
-        default=0.005,
-        metadata=quantity("g", "largest distance of a block's mean acceleration from that of the block before"),
-    )
-    turn_dps: float = field(
-        default=11.5, metadata=quantity("deg/s", "largest mean rate of a block; beyond it is a turn, no bias")
-    )
-    seconds: float = field(default=1.0, metadata=quantity("s", "time without motion that counts as rest"))
-    noise_dps: float = field(default=0.115, metadata=quantity("deg/s", "standard deviation of a block's mean rate"))
-
-
-@dataclass(frozen=True)
-class Aid:
-    """What tells the velocity of a vehicle in flight: the drag of its rotors, which grows with the speed in air."""
-
-    drag_per_s: float = field(
-        default=0.0, metadata=quantity("1/s", "drag of the rotors by mass and speed; 0: no vehicle, or no such aid")
-    )
-    velocity_mps: float = field(
-        default=2.0, metadata=quantity("m/s", "standard deviation of the velocity that the drag tells")
-    )
-    hover: float = field(
-        default=0.0,
-        metadata=quantity(NUMBER, "thrust command of a hover, share of the most, learned in flight; 0: unknown"),
-    )
-
-
-@dataclass(frozen=True)
 class AttitudeTuning(ForOnePeriod):
-    """The settings of a run of `attitude`. A block has at least 15 samples."""
+    """The settings of a run of `attitude`; system.toml declares most of its groups. A block has at least 15 samples."""
 
     system: ClassVar[str] = "attitude"
 
