@@ -121,7 +121,7 @@ class GoldenVectors(pytest.Collector):
         try:
             kinds = {name: parse_board(name) for name in _names(self.config)}
             folder = golden.vectors_folder(option("--plumb-vectors"))
-            cases = golden.cases_named(golden.cases(folder), option("--plumb-vector"))
+            cases = golden.cases(folder, patterns=option("--plumb-vector"))
         except PlumbError as error:
             raise pytest.UsageError(str(error)) from None
         for name, kind in kinds.items():

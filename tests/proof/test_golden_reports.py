@@ -122,6 +122,13 @@ def test_vectors_are_chosen_by_pattern(folder: Path, capsys: pytest.CaptureFixtu
     assert "walk_two" in sentence(capsys, folder, "--vector", "walk_tow")
 
 
+def test_a_vector_that_was_not_asked_for_is_not_read(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It costs no time, and damage to it stops the check of all alone."""
+    (folder / "steps_one.golden").write_bytes(b"damaged")
+    assert run(capsys, "--vectors", str(folder), "--vector", "walk_two")[0] == 0
+    assert "steps_one.golden is not a whole golden vector" in sentence(capsys, folder)
+
+
 def test_a_link_board_without_a_vector_to_run_is_wrong_use(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "on_link" in sentence(capsys, folder, "--board", "virtual", "--vector", "walk_two")
 

@@ -78,7 +78,7 @@ def check(
     flash_image = arguments.optional_path_of("image", image)
     require_boards(list(boards), flash_image)
     place = golden.vectors_folder(arguments.optional_path_of("folder", folder))
-    cases = golden.cases_named(golden.cases(place, systems), names)
+    cases = golden.cases(place, systems, names)
     found: list[VectorResult] = []
     for name in boards:
         with open_board(name, link=link, image=flash_image) as board:

@@ -61,7 +61,7 @@ def main(arguments: argparse.Namespace) -> int:
     options.check_of_virtual(arguments, *boards)
     require_boards(list(boards), arguments.image)  # before any vector runs
     golden_checks.require_places(path for path in (arguments.junit, arguments.html) if path)
-    cases = golden.cases_named(golden.cases(folder, arguments.system), arguments.vector)
+    cases = golden.cases(folder, arguments.system, arguments.vector)
     checks = golden_checks.check_boards(
         lambda spec: options.board_of(arguments, spec), boards, cases, windows=arguments.html is not None
     )

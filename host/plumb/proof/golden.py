@@ -33,8 +33,8 @@ from plumb.systems import run_tasks
 
 __all__ = [
     "FORMAT", "SUFFIX", "Case", "Divergence", "Result", "Vector", "VectorResult", "bit_exact", "build", "cases",
-    "cases_for", "cases_named", "check", "check_each", "check_vector", "load", "make", "takes",
-    "vectors_folder", "verdict_of", "worst_of",
+    "cases_for", "check", "check_each", "check_vector", "load", "make", "takes", "vectors_folder",
+    "verdict_of", "worst_of",
 ]  # fmt: skip
 
 WHOLE_BOARDS = ("fixed", "native", "qemu", "program")
@@ -101,11 +101,15 @@ class Case:
     vector: Vector
 
 
-def cases(folder: Path, systems: Sequence[str] | None = None) -> list[Case]:
-    """The cases of a check, in the recipe's order; raises UsageError unless recipe, manifest and files agree."""
+def cases(folder: Path, systems: Sequence[str] | None = None, patterns: Sequence[str] | None = None) -> list[Case]:
+    """The cases of a check, in the recipe's order; raises UsageError unless recipe, manifest and files agree.
+
+    patterns: only the vectors whose name fits one (* and ? as in file names), and their files; all without patterns.
+    Raises UsageError for a pattern that fits none.
+    """
     entries = golden_recipe.read(folder, systems)
     rows = golden_manifest.require(folder, entries, systems)
-    return [_case(folder, entry, rows[entry.name]) for entry in entries]
+    return [_case(folder, entry, rows[entry.name]) for entry in _named(entries, patterns)]
 
 
 def _case(folder: Path, entry: golden_recipe.Entry, row: golden_manifest.Row) -> Case:
@@ -138,18 +142,17 @@ def load(folder: Path, systems: Sequence[str] | None = None) -> list[Vector]:
     return [case.vector for case in cases(folder, systems)]
 
 
-def cases_named(every: Sequence[Case], patterns: Sequence[str] | None) -> list[Case]:
-    """The cases whose name fits one of the patterns (* and ? as in file names), all without patterns; raises UsageError
-    for a pattern that fits none."""
+def _named(entries: Sequence[golden_recipe.Entry], patterns: Sequence[str] | None) -> list[golden_recipe.Entry]:
+    """Those whose name fits one of the patterns; raises UsageError for a pattern that fits none."""
     if not patterns:
-        return list(every)
-    names = [case.entry.name for case in every]
+        return list(entries)
+    names = [entry.name for entry in entries]
     for pattern in patterns:
         if not fnmatch.filter(names, pattern):
             near = difflib.get_close_matches(pattern, names, 3, 0.4)
             instead = f"did you mean {' or '.join(near)}?" if near else f"they begin with {names[0]}"
             raise UsageError(f"no vector is named '{pattern}'; {instead}")
-    return [case for case in every if any(fnmatch.fnmatchcase(case.entry.name, pattern) for pattern in patterns)]
+    return [entry for entry in entries if any(fnmatch.fnmatchcase(entry.name, pattern) for pattern in patterns)]
 
 
 def cases_for(board: str, every: Sequence[Case]) -> list[Case]:
