@@ -148,7 +148,11 @@ static void stays_within(void) {
     p.speed = (plumb_pid_params_t){
         .kp_q22 = 1 << 30, .ki_dt_q22 = INT32_MAX, .kd_q27 = -(1 << 30), .slew_q22 = 1 << 23};
     p.pid = p.speed;
-    p.drive = (plumb_drive_params_t){8 << 26, 1 << 30, 32767, 32767, 1U << 31};
+    p.drive = (plumb_drive_params_t){.speed_max_mps_q26 = 8 << 26,
+                                     .lean_max_turn_q34 = 1 << 30,
+                                     .span_q15 = 32767,
+                                     .duty_max_q15 = 32767,
+                                     .fall_turn_q32 = 1U << 31};
     CHECK(control_params_valid(&p));
     control_t c;
     control_init(&c, &p);
