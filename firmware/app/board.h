@@ -68,7 +68,8 @@ uint32_t board_now_us(void);
 void board_turn(void);
 
 /* True when a turn of the loop has work: bytes of the UART or frames of CAN wait to be fetched, or since the
- * last call an interrupt has found that a sensor is lost. A board may count any new fault as work. */
+ * last board_turn() an interrupt has found that a sensor is lost. A board may leave bytes of an unfinished
+ * line to the pause behind them, and may count any new fault as work. */
 bool board_work_waits(void);
 
 /* Call in every turn of the loop that met its deadline; after 40 ms without a call the board resets. */

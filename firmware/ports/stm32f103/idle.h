@@ -12,15 +12,20 @@ static inline void idle_end(void) {
     idle_over = true;
 }
 
-/* board_work_waits() is true once more: an interrupt has found what board_sensor_health() tells, and what may
- * be over before the next whole turn. */
+/* idle_tell(): board_work_waits() is true until the next whole turn begins. An interrupt has found what that
+ * turn fetches, or what board_sensor_health() tells and what may be over before.
+ * idle_turns(): that turn begins. */
 #if USED_ACTUATORS
 extern volatile bool idle_news; /* of work.c */
 static inline void idle_tell(void) {
     idle_news = true;
 }
+static inline void idle_turns(void) {
+    idle_news = false;
+}
 #else
 static inline void idle_tell(void) {}
+static inline void idle_turns(void) {}
 #endif
 
 #endif

@@ -5,6 +5,7 @@
  */
 #include "stall.h"
 #include "app/board.h"
+#include "idle.h"
 
 #define STALL_TICKS 20U
 /* The two values of a pair differ in many bits. Any other value of `watched` counts as driving, any other
@@ -40,6 +41,7 @@ bool stall_latched(void) {
 }
 
 void board_turn(void) {
+    idle_turns();
     ticks = 0U;
 }
 

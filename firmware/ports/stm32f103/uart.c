@@ -14,6 +14,7 @@
 
 #define BAUD        921600U
 #define RX_BYTES    1024U /* 11 ms at full rate; a power of two */
+#define LINE_BYTES  22U   /* a frame; fewer wait for the pause behind them */
 #define TX_BYTES    256U  /* 2.8 ms; the main queue is the session's outbox */
 #define ERRORS_MAX  255U
 #define DIVIDER_MIN 16U /* the receiver takes 16 samples a bit; reached only when no PLL locks */
@@ -64,6 +65,7 @@ void uart_handler(void) {
     if ((status & (USART1_SR_FE | USART1_SR_NE | USART1_SR_ORE)) != 0U) {
         count_error();
     }
+    idle_tell();
     idle_end();
 }
 
@@ -85,8 +87,8 @@ static uint32_t rx_end(void) {
     return (RX_BYTES - DMA1_CNDTR5) % RX_BYTES;
 }
 
-bool uart_bytes_wait(void) {
-    return rx_end() != rx_taken;
+bool uart_line_waits(void) {
+    return (rx_end() - rx_taken) % RX_BYTES >= LINE_BYTES;
 }
 
 size_t board_uart_read(uint8_t *bytes, size_t room) {
@@ -98,12 +100,15 @@ size_t board_uart_read(uint8_t *bytes, size_t room) {
     const size_t to_end = RX_BYTES - from;
     const size_t first = count < to_end ? count : to_end;
     memcpy(bytes, &rx_ring[from], first);
-    memcpy(bytes + first, rx_ring, count - first);
+    if (count > first) {
+        memcpy(bytes + first, rx_ring, count - first);
+    }
     from = (from + count) % RX_BYTES;
     memory_fence();
     rx_taken = from;
     if (count > 0U && from != end) {
-        idle_end(); /* the loop fetches the rest in its next turn */
+        idle_tell(); /* the loop fetches the rest in its next turn */
+        idle_end();
     }
     return count;
 }
@@ -150,7 +155,9 @@ size_t board_uart_write(const uint8_t *bytes, size_t count) {
     const size_t to = tx_written % TX_BYTES, to_end = TX_BYTES - to;
     const size_t first = accepted < to_end ? accepted : to_end;
     memcpy(&tx_ring[to], bytes, first);
-    memcpy(tx_ring, bytes + first, accepted - first);
+    if (accepted > first) {
+        memcpy(tx_ring, bytes + first, accepted - first);
+    }
     memory_fence();
     tx_written += (uint32_t)accepted;
     /* While a block is being sent, its interrupt sends the new bytes next; while none is, no interrupt can

@@ -11,8 +11,8 @@ void uart_init(void);
 /* Received characters that were lost or damaged; stops at 255. */
 uint32_t uart_errors(void);
 
-/* True when received bytes wait. */
-bool uart_bytes_wait(void);
+/* True when as many received bytes wait as a frame has. Fewer are told (idle.h) when the line pauses. */
+bool uart_line_waits(void);
 
 void uart_handler(void);
 void uart_rx_dma_handler(void);

@@ -8,9 +8,5 @@
 volatile bool idle_news;
 
 bool board_work_waits(void) {
-    const bool news = idle_news;
-    if (news) {
-        idle_news = false;
-    }
-    return news || uart_bytes_wait() || can_frame_waits();
+    return idle_news || uart_line_waits() || can_frame_waits();
 }
