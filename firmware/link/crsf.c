@@ -88,7 +88,17 @@ static crsf_event_t search(crsf_t *c, bool paused) {
     return CRSF_NOTHING;
 }
 
+/* True when the next byte lies inside a frame that has begun, and does not end it: nearly always. */
+static bool inside(const crsf_t *c) {
+    return c->used == 0U && c->length >= AROUND && c->bytes[0] == SYNC && c->bytes[1] <= MOST_LENGTH &&
+           c->length + 1U < c->bytes[1] + AROUND;
+}
+
 crsf_event_t crsf_push(crsf_t *c, uint8_t byte) {
+    if (inside(c)) {
+        c->bytes[c->length++] = byte;
+        return CRSF_NOTHING;
+    }
     go_on(c);
     c->bytes[c->length++] = byte;
     return search(c, false);
