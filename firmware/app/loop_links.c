@@ -23,12 +23,15 @@ void loop_links_receive(session_t *s, uint32_t now_us) {
 
 void loop_links_transmit(session_buffers_t *buffers) {
     uint8_t bytes[4U * SLCAN_FRAME_CHARS];
-    size_t count;
+    size_t count, most;
     do {
         const size_t room = board_uart_room();
-        count = session_transmit(buffers, bytes, room < sizeof bytes ? room : sizeof bytes);
-        (void)board_uart_write(bytes, count);
-    } while (count > 0U);
+        most = room < sizeof bytes ? room : sizeof bytes;
+        count = session_transmit(buffers, bytes, most);
+        if (count > 0U) {
+            (void)board_uart_write(bytes, count);
+        }
+    } while (count == most && most > 0U); /* else nothing is left, or no room */
 
     can_frame_t frame;
     while (board_can_room() && session_transmit_frame(buffers, &frame)) {

@@ -28,6 +28,7 @@ uint8_t e2e_crc8(const can_frame_t *frame) {
     crc = byte_crc8[crc ^ (frame->id >> 8 & 0xFFU)];
     crc = byte_crc8[crc ^ (frame->id & 0xFFU)];
     crc = byte_crc8[crc ^ frame->dlc];
+#pragma GCC unroll 7
     for (unsigned i = CAN_FRAME_DLC - 1U; i > 0; i--) {
         crc = byte_crc8[crc ^ frame->data[i]];
     }

@@ -11,7 +11,7 @@ void session_send_readiness(session_t *s, link_t link) {
 /* Sends the status to one open link: the frames that changed, or all of them when the period is over. */
 static void send_status(session_t *s, link_t link, bool all, uint32_t now_us) {
     const routing_link_t *const l = &s->routing.link[link];
-    message_status_t status = {.mode = (uint16_t)s->run.mode, .blocked = session_arming_blocked(s, link)};
+    message_status_t status = {.mode = (uint16_t)s->run.mode};
     const message_events_t events = {
         .saturated = s->run.saturated, .starved = s->run.starved, .disarm_cause = s->arming.cause};
     const message_plausibility_t plausibility = readiness_message(&s->readiness, session_checked(s));
@@ -26,6 +26,9 @@ static void send_status(session_t *s, link_t link, bool all, uint32_t now_us) {
     flags |= s->run.live ? MESSAGE_STATUS_LIVE : 0U;
     flags |= s->staging.pending ? MESSAGE_STATUS_STAGED : 0U;
     flags |= l->read_only ? MESSAGE_STATUS_READ_ONLY : 0U;
+    if (status_goes(&s->status, &round, (uint8_t)flags)) {
+        status.blocked = session_arming_blocked(s, link);
+    }
     status_send(&s->status, &round, &status, (uint8_t)flags, &events, &plausibility);
     if (all) {
         session_send_battery(s, link);

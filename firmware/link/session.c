@@ -138,7 +138,9 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     s->status.faults |= s->step_overdue ? BOARD_FAULT_LATE : 0U;
     run_poll(&s->run, s->params->period_us, now_us);
     check_injected(s);
-    arming_poll(&s->arming, session_arming_blocked(s, s->run.links.owner), now_us);
+    if (session_armed(s)) { /* else there is nothing to disarm */
+        arming_poll(&s->arming, session_arming_blocked(s, s->run.links.owner), now_us);
+    }
     session_issue_keepalive(s, now_us);
     setpoint_poll(&s->run.setpoint, session_armed(s), arming_driving(&s->arming), s->run.step, now_us);
     session_take_sticks(s);

@@ -42,8 +42,17 @@ static uint32_t both(uint16_t low, uint16_t high) {
 /* One function for each kind, not inlined, so that only one frame at a time is on the stack. */
 #define ONE_KIND __attribute__((noinline)) static void
 
-ONE_KIND send_state(const status_round_t *round, const message_status_t *m, uint8_t flags) {
-    if (send_now(round, &round->news->status, both(m->faults, flags & MESSAGE_STATUS_ARMED), 0)) {
+/* The state of which a change sends STATUS. */
+static uint32_t state_of(const status_t *s, uint8_t flags) {
+    return both((uint16_t)(s->faults & 0xFFFFU), flags & MESSAGE_STATUS_ARMED);
+}
+
+bool status_goes(const status_t *s, const status_round_t *round, uint8_t flags) {
+    return round->all || state_of(s, flags) != round->news->status.state;
+}
+
+ONE_KIND send_state(const status_round_t *round, const message_status_t *m, uint32_t state, uint8_t flags) {
+    if (send_now(round, &round->news->status, state, 0)) {
         outbox_telemetry(round->link->outbox, message_status_pack(m), flags);
     }
 }
@@ -94,7 +103,7 @@ ONE_KIND send_plausibility(const status_round_t *round, const message_plausibili
 void status_send(const status_t *s, const status_round_t *round, message_status_t *status, uint8_t flags,
                  const message_events_t *events, const message_plausibility_t *plausibility) {
     status->faults = (uint16_t)(s->faults & 0xFFFFU);
-    send_state(round, status, flags);
+    send_state(round, status, state_of(s, flags), flags);
     send_counters(round);
     send_events(round, events);
     if (s->can != NULL) {

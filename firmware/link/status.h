@@ -60,6 +60,9 @@ typedef struct {
     bool counts; /* a changed counter is sent at once, too: a run in real time is on */
 } status_round_t;
 
+/* False when status_send() will not send STATUS: what it says need not be found out then. */
+bool status_goes(const status_t *s, const status_round_t *round, uint8_t flags);
+
 /* Call on every whole turn of the loop for an open link: sends the frames that are due. status, flags: mode,
  * blocked and flags of STATUS; its faults are filled in. */
 void status_send(const status_t *s, const status_round_t *round, message_status_t *status, uint8_t flags,

@@ -122,8 +122,8 @@ BUDGETS = {
     "plausibility_step": Budget(None, 0, 0.0, "wrong answers"),
     "digest_crc32": Budget(400, 360, 0.0, "wrong digests"),
     "board_memory_intact": Budget(2800, 2400, 0.0, "wrong answers"),
-    "lockstep_step": Budget(None, 0, 0.0, "wrong digests", instructions=5000),
-    "live_frame": Budget(None, 0, 0.0, "frames without one step", cycles_mean=23_700, period_us=2500),
+    "lockstep_step": Budget(None, 0, 0.0, "wrong digests", instructions=4300),
+    "live_frame": Budget(None, 0, 0.0, "frames without one step", cycles_mean=22_000, period_us=2500),
 }
 PLAUSIBILITY_BYTES, PLAUSIBILITY_ANSWER = 56, slice(25, 27)
 """Size of plausibility_t in bytes, and the places of `failed` and `missing` in it, in half-words."""
