@@ -6,6 +6,7 @@ from plumb.systems.wiring import (
     ADXL345_ON_SPI,
     CAN_POWER,
     CAN_WIRES,
+    CHIPS_ON_SPI,
     INPUT,
     ITG3205,
     MPU6050,
@@ -19,6 +20,7 @@ from plumb.systems.wiring import (
     Device,
     Drawing,
     Wire,
+    on_spi,
 )
 
 BRIDGE = (
@@ -103,5 +105,16 @@ DRAWINGS = (
         left=(*BRIDGE, MPU6050),
         right=(HALL_C, SWITCH),
         notes=(*BRIDGE_NOTES, *MPU6050_NOTES, *BRIDGE_CAN, SWITCH_NOTE),
+    ),
+    *(
+        Drawing(
+            f"balancer_{way.gyro.name}",
+            f"balancer, {way.gyro.title} on SPI for both sensors",
+            "bridge",
+            left=BRIDGE,
+            right=(HALL_C, on_spi(way)[0], SWITCH),
+            notes=(*BRIDGE_NOTES, *on_spi(way)[1], *BRIDGE_CAN, SWITCH_NOTE),
+        )
+        for way in CHIPS_ON_SPI
     ),
 )

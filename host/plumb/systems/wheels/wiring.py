@@ -11,6 +11,7 @@ from plumb.systems.wiring import (
     ADAPTER,
     CAN_POWER,
     CAN_WIRES,
+    CHIPS_ON_SPI,
     COMMON,
     DIVIDER_NOTE,
     INPUT,
@@ -24,6 +25,7 @@ from plumb.systems.wiring import (
     Drawing,
     Wire,
     battery,
+    on_spi,
 )
 
 STRAP = Device(
@@ -52,8 +54,6 @@ NOTES = (
     DIVIDER_NOTE,
     CAN_WIRES,
     *CAN_POWER,
-    *MPU6050_NOTES,
-    SWITCH_NOTE,
 )
 
 
@@ -103,17 +103,34 @@ VNH5019_NOTES = (
     " others.",
 )
 
-DRAWINGS = tuple(
-    Drawing(
-        name,
-        f"wheels: an MPU-6050, encoders, {what}",
-        "wheels",
-        left=(driver[0], ADAPTER, STRAP, RIGHT_ENCODER, MPU6050),
-        right=(RECEIVER, driver[1], RIDER, BATTERY, LEFT_ENCODER, SWITCH),
-        notes=(*notes, *NOTES),
-    )
-    for name, what, driver, notes in (
-        ("wheels", "a TB6612FNG for both motors", TB6612, TB6612_NOTES),
-        ("wheels_vnh5019", "a VNH5019 for each motor", VNH5019, VNH5019_NOTES),
-    )
+DRIVERS = (
+    ("wheels", "a TB6612FNG for both motors", TB6612, TB6612_NOTES),
+    ("wheels_vnh5019", "a VNH5019 for each motor", VNH5019, VNH5019_NOTES),
+)
+"""Name of the drawing, and what drives the motors: in words, its boxes, its notes."""
+
+DRAWINGS = (
+    *(
+        Drawing(
+            name,
+            f"wheels: an MPU-6050, encoders, {what}",
+            "wheels",
+            left=(driver[0], ADAPTER, STRAP, RIGHT_ENCODER, MPU6050),
+            right=(RECEIVER, driver[1], RIDER, BATTERY, LEFT_ENCODER, SWITCH),
+            notes=(*notes, *NOTES, *MPU6050_NOTES, SWITCH_NOTE),
+        )
+        for name, what, driver, notes in DRIVERS
+    ),
+    *(
+        Drawing(
+            f"{name}_{way.gyro.name}",
+            f"wheels: {way.gyro.title} on SPI, encoders, {what}",
+            "wheels",
+            left=(driver[0], ADAPTER, STRAP, RIGHT_ENCODER),
+            right=(RECEIVER, driver[1], on_spi(way)[0], RIDER, BATTERY, LEFT_ENCODER, SWITCH),
+            notes=(*notes, *NOTES, *on_spi(way)[1], SWITCH_NOTE),
+        )
+        for name, what, driver, notes in DRIVERS
+        for way in CHIPS_ON_SPI
+    ),
 )
