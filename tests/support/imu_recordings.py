@@ -67,9 +67,9 @@ def left_handed(samples: Samples, _: np.random.Generator) -> Samples:
 
 
 def late_gyro(samples: Samples, rng: np.random.Generator) -> Samples:
-    late_s = rng.uniform(0.07, 0.15)
-    moved = [np.interp(samples.time_s - late_s, samples.time_s, one) for one in samples.gyr_dps.T]
-    return replace(samples, gyr_dps=np.stack(moved, 1))
+    """By whole samples, so that limits and counts stay what they are; at rest at both ends."""
+    step_s = float(samples.time_s[1] - samples.time_s[0])
+    return replace(samples, gyr_dps=np.roll(samples.gyr_dps, round(rng.uniform(0.07, 0.15) / step_s), axis=0))
 
 
 def late_reference(samples: Samples, rng: np.random.Generator) -> Samples:

@@ -19,6 +19,10 @@ from plumb.spec.arrays import BoolArray, FloatArray
 
 LEAST_SAMPLES = 20
 LAG_STEPS, LEAST_LAG_S = 2.5, 0.012
+AGREE = 0.5
+"""Share of one measure of a lag that another one shows, when both are of the same lag."""
+FASTEST_DPS = 4000.0
+"""The largest range of a chip."""
 
 
 @dataclass(frozen=True)
@@ -118,14 +122,32 @@ def _judge_reference(work: _Working, gyro_axes: FloatArray, axes: Finding, lag: 
     else:
         confirmed = of_reference.judged and of_reference.unique and axes.wrong
         work.add(replace(axes, certainty="sure", other=None) if confirmed else axes)
-    work.add(lag)
-    work.add(*of_reference.findings)
+    work.add(*_with_lags(lag, of_reference.findings))
     if of_reference.judged and sign_open:
         text = (
             "the axis that the reference has up reads less than 0: the accelerometer has the other sign (reads "
             "gravity), or the reference's z points down (NED)"
         )
         work.add(fault("accelerometer-sign", "likely", text, "acc*-1", "ref:ned"))
+
+
+def _with_lags(lag: Finding, of_reference: list[Finding]) -> list[Finding]:
+    """The gyro's lag, then the findings of the reference. A reference that is early is a gyro that is late, where the
+    accelerometer says so too or cannot tell."""
+    early = next((one for one in of_reference if one.kind == "reference-lag" and one.wrong), None)
+    late_s = 0.0 if early is None else -float(str(early.numbers["late_s"]))
+    told = lag.certainty != "unknown"
+    seen_s = float(str(lag.numbers["late_s"])) if told else late_s
+    if early is None or lag.wrong or late_s <= 0.0 or seen_s < AGREE * late_s:
+        return [lag, *of_reference]
+    others = [one for one in of_reference if one is not early]
+    numbers = {**lag.numbers, **early.numbers, "late_s": late_s}
+    mend = f"gyr<{late_s:.4f}"
+    if told:
+        text = f"the gyro is late by {1e3 * late_s:.0f} ms against the reference, {1e3 * seen_s:.0f} ms against the "
+        return [fault("gyro-lag", "sure", f"{text}accelerometer", mend, numbers=numbers), *others]
+    text = f"the gyro is late by {1e3 * late_s:.0f} ms against the reference, or the reference's stamps are early"
+    return [fault("gyro-lag", "likely", text, mend, f"ref<{-late_s:.4f}", numbers=numbers), *others]
 
 
 def _axes_of_both(gyro: FloatArray, accel: FloatArray) -> list[Finding]:
@@ -176,7 +198,7 @@ def _gyro_units(one: Alignment, samples: Samples) -> Finding:
     most = float(np.max(np.abs(samples.gyr_dps)))
     numbers = {"factor": one.factor, "error_g": one.error, "as_read_g": one.factor_as_read_error}
     if not one.told:
-        if most > 5000.0:
+        if most > FASTEST_DPS:
             text = f"up to {most:.4g} deg/s as read: no gyro turns so fast; counts, or deg/s taken for rad/s?"
             return fault("gyro-units", "likely", text, most_dps=most)
         seen = one.turning
@@ -184,11 +206,12 @@ def _gyro_units(one: Alignment, samples: Samples) -> Finding:
             # Accelerations and clipped samples make the regression's factor too small.
             known = factors.nearest(1.2 * seen.factor, factors.GYRO, 0.35)
             value, said = (known.value, known.said) if known else (seen.factor, "in what unit is it?")
-            text = (
-                f"the gyro explains {100.0 * seen.explained:.0f} % of the accelerometer's turning with a factor of "
-                f"about {seen.factor:.3g}: {said}"
-            )
-            return fault("gyro-units", "likely", text, f"gyr*{value:.6g}", numbers=numbers)
+            if value * most <= FASTEST_DPS:  # a vibration turns the acceleration faster than any body turns
+                text = (
+                    f"the gyro explains {100.0 * seen.explained:.0f} % of the accelerometer's turning with a factor of "
+                    f"about {seen.factor:.3g}: {said}"
+                )
+                return fault("gyro-units", "likely", text, f"gyr*{value:.6g}", numbers=numbers)
         text = "factor, axes and lag of the gyro cannot be told: too little turning that the accelerometer shows"
         return note("gyro-units", text, "unknown")
     if 0.5 < one.factor < 2.0:

@@ -14,6 +14,9 @@ SHORTEST_CLIP = 3
 """Samples in a row at one end of the range."""
 ENTRY_QUANTA = 6.0
 """Least fall beside a clip, within half of its length: a slow peak dwells on its last count, too."""
+NEXT_COUNTS = 4
+"""At the end of the range more samples stand than at any of so many counts inside it: a steady turn dwells there,
+too, but most of it beside its largest count."""
 MANY = 1e-3
 """Share of clipped samples from which a recording is at fault."""
 LEAST_STAY = 4.0
@@ -83,6 +86,8 @@ def clipped(column: FloatArray) -> tuple[BoolArray, int]:
     if not unit:
         return marked, 0
     for end in (float(column.max()), float(column.min())):
+        if not _piled_up(column, end, unit):
+            continue
         at = np.concatenate([[False], column == end, [False]])
         edges = np.flatnonzero(np.diff(at.astype(np.int8)))
         for first, last in zip(edges[::2], edges[1::2], strict=True):
@@ -96,6 +101,12 @@ def clipped(column: FloatArray) -> tuple[BoolArray, int]:
                 marked[first:last] = True
                 runs += 1
     return marked, runs
+
+
+def _piled_up(column: FloatArray, end: float, unit: float) -> bool:
+    inside = np.rint(np.abs(end - column) / unit)
+    counts = np.bincount(inside[inside <= NEXT_COUNTS].astype(np.int64), minlength=NEXT_COUNTS + 1)
+    return bool(counts[0] > counts[1:].max())
 
 
 def clip_findings(samples: Samples, held: dict[str, BoolArray]) -> tuple[list[Finding], BoolArray]:

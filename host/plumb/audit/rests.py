@@ -15,6 +15,9 @@ QUIET = 0.03
 """Standard deviation of the acceleration in a window at rest, of its length."""
 QUIET_DPS, SLOW_DPS = 2.0, 25.0
 """Standard deviation and mean of a gyro at rest."""
+SAME_DPS = 3.0
+"""Means of a gyro at rest are those of its bias; further from the least of them a body turns steadily, as a vehicle in
+a bend does, whose acceleration is not that of gravity alone."""
 LENGTH_OFF = 0.05
 TURNED_OVER = "both:+x-y-z"
 """Half a turn about x, of both sensors."""
@@ -58,6 +61,9 @@ def rests_of(samples: Samples) -> Rests:
         & (np.max(np.abs(gyr), axis=1) < SLOW_DPS)
         & (np.abs(lengths - 1.0) < 0.3)
     )
+    if at_rest.any():
+        least = gyr[at_rest][np.argmin(np.linalg.norm(gyr[at_rest], axis=1))]
+        at_rest &= np.max(np.abs(gyr - least), axis=1) < SAME_DPS
     return Rests(gyr[at_rest], acc[at_rest], gyr_spread[at_rest], acc_spread[at_rest])
 
 
