@@ -2,6 +2,7 @@
 
     pytest --plumb-golden --plumb-board serial:/dev/ttyUSB0            a test for every vector that the board takes
     pytest --plumb-golden --plumb-board virtual --plumb-image my.bin   your build of the firmware
+    pytest --plumb-board virtual --plumb-gdb 3333 -k name              stop in your test, step and look with gdb
     pytest -m plumb_golden --plumb-golden --plumb-vector 'quad_*'      only these vectors, none of your own tests
 
 The fixture `plumb_board` is a `plumb.Board`, as `plumb.connect` opens it: `run`, `params`, `stream`, `arm`. Without
@@ -12,6 +13,7 @@ nothing of plumb.
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,6 +38,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
     group.addoption("--plumb-image", type=Path, metavar="FILE", help="flash image of --plumb-board virtual")
     group.addoption("--plumb-link", choices=("serial", "can"), default="serial", help="link to --plumb-board virtual")
+    group.addoption(
+        "--plumb-gdb",
+        type=int,
+        metavar="PORT",
+        help="serve gdb at this port; board virtual waits for it at first",
+    )
     group.addoption("--plumb-vector", action="append", metavar="NAME", help="only this vector; * and ?; repeatable")
     group.addoption("--plumb-vectors", type=Path, metavar="DIR", help="folder of the vectors (default: plumb's own)")
 
@@ -51,6 +59,8 @@ class Boards:
         self._config = config
         self._open: dict[str, Board] = {}
         self._refused: dict[str, Exception] = {}
+        self._debugger = contextlib.ExitStack()
+        self._debugged = config.getoption("--plumb-gdb")
 
     def get(self, name: str) -> Board:
         """Raises UsageError and LinkError; of a board that could not be opened the same error again, at once."""
@@ -61,11 +71,27 @@ class Boards:
         if name not in self._open:
             link, image = self._config.getoption("--plumb-link"), self._config.getoption("--plumb-image")
             try:
+                self._serve_debugger()
                 self._open[name] = connect(name, link=link, image=image)
             except Exception as error:
                 self._refused[name] = error
                 raise
         return self._open[name]
+
+    def _serve_debugger(self) -> None:
+        """Serve gdb, if it is to be served and is not yet. Raises LinkError for a port that is taken."""
+        if self._debugged is None:
+            return
+        from plumb.boards.debugging import debugged
+
+        port, self._debugged = self._debugged, None
+        self._debugger.enter_context(debugged(port, waits=True, say=self._say))
+
+    def _say(self, text: str) -> None:
+        """Print a line at once: somebody has to act on it while the test stands."""
+        capture = self._config.pluginmanager.getplugin("capturemanager")
+        with contextlib.nullcontext() if capture is None else capture.global_and_fixture_disabled():
+            print(f"plumb: {text}", file=sys.stderr, flush=True)
 
     def drop(self, name: str) -> None:
         """Close a board whose link is out of step or gone; the next use opens it again."""
@@ -78,6 +104,7 @@ class Boards:
     def close(self) -> None:
         for name in list(self._open):
             self.drop(name)
+        self._debugger.close()
 
 
 _BOARDS = pytest.StashKey[Boards]()

@@ -6,7 +6,6 @@ lost, as on a cable."""
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Protocol
 import can
 
 from plumb.boards.client_time import ClientTime
+from plumb.boards.debugging import wall_s
 from plumb.boards.flash_file import KeptSlots
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_S
@@ -94,11 +94,11 @@ def run_paced(
     is flushed, and orders are looked at, as time passes. say: called with a sentence when the board falls behind real
     time, and when it keeps up again. set_up: sets its plant up anew when the client asks for it."""
     client = ClientTime(set_up)
-    begin_wall, begin_ticks = time.monotonic(), machine.now
+    begin_wall, begin_ticks = wall_s(), machine.now
     started_s = begin_wall
-    watch = RealTimeWatch("the virtual board", "this machine is too slow or too busy for it", say, time.monotonic)
+    watch = RealTimeWatch("the virtual board", "this machine is too slow or too busy for it", say, wall_s)
     while not stopped():
-        now_s = time.monotonic()
+        now_s = wall_s()
         watch.note((machine.now - begin_ticks) / TICKS_PER_S, now_s - started_s)
         elapsed = now_s - begin_wall
         due = begin_ticks + int(elapsed * TICKS_PER_S)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plumb.boards import debugging
 from plumb.boards.strap import set_strap
 from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS, claims_to_be_ours, find_image, load_own_image
 
@@ -47,5 +48,6 @@ def open_machine(
     machine.flash.store(PARAMETER_SLOTS - FLASH_BASE, slots)
     if couple is not None:
         couple(machine)
+    debugging.debug(machine, path)
     machine.advance_us(START_US)
     return machine

@@ -4,6 +4,7 @@
     plumb faults gyro-frozen --system quad    one fault, on one system
     plumb faults hangs 'can-*' --json         groups and names, with * and ?
     plumb faults host-silent --phases 1000    injected at a thousand different moments within 60 ms
+    plumb faults gyro-frozen --system quad --gdb 3333    stop in it, step and look into it with gdb
     plumb faults --list 'can-*'               faults with their limits (default: all); runs nothing
 
 The virtual board runs the flash image. A fault passes when every output pin is safe within its limit and stays safe,
@@ -37,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--phases", type=whole_number, default=50, help="moments to inject a fault that depends on timing (default 50)"
     )
     options.add_image(parser, "flash image, its ELF file in the same folder")
+    options.add_gdb(parser, options.GDB_FIRST)
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html and DIR/summary.json")
     parser.add_argument("--list", action="store_true", help="list the faults instead of running them")
     options.add_json(parser)
@@ -57,6 +59,7 @@ def main(arguments: argparse.Namespace) -> int:
         return list_faults(faults, arguments.json)
     from tqdm import tqdm
 
+    from plumb.boards.debugging import debugged
     from plumb.flash.image import find_image
     from plumb.proof.faults.runner import run_all
     from plumb.proof.faults.scene import scenarios_of
@@ -67,7 +70,11 @@ def main(arguments: argparse.Namespace) -> int:
     image = find_image(arguments.image or images.running(systems[0] if len(systems) == 1 else None))
     scenes = [(system, scenario) for system in systems for scenario in scenarios_of(system)]
     rows = []
-    with tqdm(total=len(scenes) * len(faults), desc="faults", unit="fault", leave=False, disable=None) as bar:
+    total = len(scenes) * len(faults)
+    with (
+        debugged(arguments.gdb, waits=True),
+        tqdm(total=total, desc="faults", unit="fault", leave=False, disable=None) as bar,
+    ):
         for system, scenario in scenes:
             rows += run_all(system, faults, arguments.image, arguments.phases, bar.update, scenario)
     if not rows:

@@ -161,6 +161,21 @@ def add_image(parser: Options, what: str = "flash image") -> None:
     parser.add_argument("--image", type=Path, help=what + IMAGE_SOURCES)
 
 
+def add_gdb(parser: Options, about: str, *, of_virtual: bool = False) -> None:
+    """--gdb. about: when gdb may come; of_virtual: see `check_of_virtual`."""
+    parser.add_argument(
+        "--gdb",
+        action=_OfVirtual if of_virtual else "store",
+        type=whole_number,
+        metavar="PORT",
+        help=f"serve gdb at this port of this machine, 0: a free one; {about}",
+    )
+
+
+GDB_FIRST = "the chip waits for it before its first instruction"
+GDB_ANY_TIME = "it may come and go at any time"
+
+
 def add_link_and_image(parser: Options) -> None:
     """--link and --image, for --board virtual."""
     add_link(parser)

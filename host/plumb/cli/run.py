@@ -5,6 +5,7 @@
     plumb run balancer --board virtual --live --seconds 20            armed, on its own sensors, Hall edges and bridge
     plumb run quad --board virtual --live --change 2:pid.kp=0.06      gains changed on the way, armed
     plumb run turntable --board virtual --link can --tuning attitude  over CAN
+    plumb run quad --board virtual --live --gdb 3333                  stop, step and look into it with gdb
     plumb run quad --board native --tuning paper --start fast --fault stuck:gyro@60-70 --condition bandwidth_hz=20
 
 `plumb systems --system SYSTEM` lists the scenarios, tunings, start-up modes, conditions and faults of a system.
@@ -31,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_system_argument(parser)
     options.add_board(parser)
     options.add_link_and_image(parser)
+    options.add_gdb(parser, options.GDB_FIRST, of_virtual=True)
     options.add_seed(parser)
     options.add_seconds(parser, "length (default: the scenario's own)")
     options.add_scenario(parser)
@@ -83,9 +85,11 @@ def _request(arguments: argparse.Namespace) -> RunRequest:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    from plumb.boards.debugging import debugged
     from plumb.cli.run_summary import report, require_out
     from plumb.proof.scenario_run import perform
 
     require_out(arguments)
-    done = perform(_request(arguments))
+    with debugged(arguments.gdb, waits=True):
+        done = perform(_request(arguments))
     return report(arguments, done.run, done.summary(), more=done.statements())

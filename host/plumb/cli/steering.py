@@ -23,6 +23,7 @@ def add_arguments(
     options.add_system_with(parser, command, f"system that is {done}")
     parser.add_argument("--board", choices=BOARDS, default=BOARDS[0], help=f"what {does} it (default: native)")
     options.add_image(parser, "flash image of `virtual`")
+    options.add_gdb(parser, f"for `virtual`; {options.GDB_ANY_TIME}")
     parser.add_argument(
         "--port", type=whole_number, default=0, metavar="N", help="port of the page (default: a free one)"
     )
@@ -37,6 +38,7 @@ def add_arguments(
 
 def steer(arguments: argparse.Namespace, command: str) -> int:
     """Serve the page of the command's vehicle until Ctrl-C, or for --seconds."""
+    from plumb.boards.debugging import debugged
     from plumb.cli.cockpit import check_page
     from plumb.cockpit.hold import Hold
     from plumb.cockpit.steering.trip_loop import PICTURE_S, TripLoop
@@ -45,25 +47,29 @@ def steer(arguments: argparse.Namespace, command: str) -> int:
     check_page(arguments)
     if arguments.image is not None and arguments.board != BOARDS[1]:
         raise UsageError("--image is for board virtual: name it with --board, or leave --image out")
-    trip = TripLoop(
-        options.system_with(arguments, command),
-        arguments.seed,
-        Hold(PICTURE_S),
-        folder=arguments.out,
-        command=getattr(arguments, "command_line", ""),
-        board=arguments.board,
-        image=arguments.image,
-    )
-    try:
-        _serve(arguments, command, trip)
-    finally:
-        trip.close()
+    if arguments.gdb is not None and arguments.board != BOARDS[1]:
+        raise UsageError("--gdb is for board virtual: name it with --board, or leave --gdb out")
+    with debugged(arguments.gdb):
+        trip = TripLoop(
+            options.system_with(arguments, command),
+            arguments.seed,
+            Hold(PICTURE_S),
+            folder=arguments.out,
+            command=getattr(arguments, "command_line", ""),
+            board=arguments.board,
+            image=arguments.image,
+        )
+        try:
+            _serve(arguments, command, trip)
+        finally:
+            trip.close()
     return 0
 
 
 def _serve(arguments: argparse.Namespace, command: str, trip: TripLoop) -> None:
     import functools
 
+    from plumb.boards import debugging
     from plumb.cli.cockpit import announce, stopping
     from plumb.cockpit.page_server import PageServer
     from plumb.cockpit.steering.trip_page import ASSETS, TripPage
@@ -72,7 +78,9 @@ def _serve(arguments: argparse.Namespace, command: str, trip: TripLoop) -> None:
     opened = functools.partial(TripPage, trip)
     with endings() as caught, PageServer(trip, arguments.port, assets=ASSETS, opened=opened) as server:
         announce(arguments, command, server.control_address, server.watch_address)
-        trip.run(stopping(arguments, server, caught))
+        stopped = stopping(arguments, server, caught)
+        debugging.ends(stopped)
+        trip.run(stopped)
         trip.close()
         _print_summary(arguments, trip)
     if caught:

@@ -17,6 +17,7 @@
 
     plumb virtual-board --strap bridge             the strap (PB4, PB5) wired for these pins; default: as --system wants
     plumb virtual-board --port native              the same main loop on a board in memory: no image, no Unicorn
+    plumb virtual-board --gdb 3333                 gdb stops the chip and its time, steps and looks into it
     plumb virtual-board --vcd board.vcd            record its pins and buses: gtkwave board.vcd
     plumb virtual-board --symlink board --keep board.flash     what `plumb params save` saves is there the next time
     plumb virtual-board --system attitude --hand -             you hold it: type a pose, `3` or `left side up`
@@ -90,18 +91,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--hand", metavar="FILE|-", help="a hand holds the body, and follows poses in FILE, or on stdin"
     )
+    options.add_gdb(parser, options.GDB_ANY_TIME)
     parser.add_argument("--vcd", type=Path, metavar="FILE", help="record pins and buses for GTKWave, PulseView, sigrok")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="store its flash parameters in this file")
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.boards.serve import Radio, serve
+    from plumb.boards.debugging import debugged
     from plumb.errors import UsageError
     from plumb.files.whole_files import require_different
     from plumb.link.endpoint_names import PtyName, parse_can_end, parse_endpoint
-    from plumb.link.served_boards import Entry
     from plumb.link.transports.server_endpoint import NO_TERMINAL
-    from plumb.process_signals import endings
 
     if arguments.scenario and not arguments.system:
         raise UsageError("--scenario needs a plant: name its system with --system, or leave --scenario out")
@@ -118,6 +118,16 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError("--ppm plays the frames of --receiver: say where that is served, or leave --ppm out")
     if arguments.receiver:
         parse_endpoint(arguments.receiver)
+    with debugged(arguments.gdb):
+        return _serve(arguments)
+
+
+def _serve(arguments: argparse.Namespace) -> int:
+    from plumb.boards import debugging
+    from plumb.boards.serve import Radio, serve
+    from plumb.link.served_boards import Entry
+    from plumb.process_signals import endings
+
     traces: list[VcdTrace] = []
     plant, orders = _plant(arguments)
     board, join, kept, receive, attach = (
@@ -137,6 +147,7 @@ def main(arguments: argparse.Namespace) -> int:
         trace = stack.enter_context(traces[0]) if traces else None
         caught = stack.enter_context(endings())
         entry = stack.enter_context(Entry(arguments.system or ""))
+        debugging.ends(lambda: bool(caught))
         serve(
             board,
             arguments.serial,
@@ -244,8 +255,8 @@ def _native(
     from plumb.errors import UsageError
     from plumb.physics.battery import Battery
 
-    if arguments.image or arguments.part or arguments.vcd:
-        raise UsageError("--image, --part and --vcd are for --port f103: leave them out, or leave --port native out")
+    if arguments.image or arguments.part or arguments.vcd or arguments.gdb is not None:
+        raise UsageError("--image, --part, --gdb and --vcd are for --port f103: leave them or --port native out")
     slots = read_slots(arguments.keep) if arguments.keep else b""
     strap = _strap(arguments)
     if strap not in BY_PIN_SET:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 
+from plumb.boards import debugging
+
 OVER_S = 1.0
 """Time over which a speed is measured."""
 BEHIND_S = 0.1
@@ -16,13 +18,13 @@ class Pace:
     """Holds a simulation back to real time. speed: of the last second, 1 for real time. It does not catch up."""
 
     def __init__(self, now_s: float) -> None:
-        self._begin_s, self._begin_wall_s = now_s, time.monotonic()
+        self._begin_s, self._begin_wall_s = now_s, debugging.wall_s()
         self._speed_s, self._speed_wall_s = self._begin_s, self._begin_wall_s
         self.speed = 1.0
 
     def keep(self, now_s: float, most_s: float) -> None:
         """Sleep for as long as the simulation is ahead, but at most most_s. now_s: its time."""
-        wall_s = time.monotonic()
+        wall_s = debugging.wall_s()
         ahead_s = (now_s - self._begin_s) - (wall_s - self._begin_wall_s)
         if ahead_s < -BEHIND_S:
             self._begin_s, self._begin_wall_s = now_s, wall_s

@@ -108,7 +108,7 @@ class GdbServer:
     """Listens on a port; 0 takes a free one. Raises LinkError for a port that is taken.
 
     waits: machines stand until a debugger has come. say: gets a sentence when a debugger goes without leaving. ends:
-    looked at while a machine stands; True lets it run on. stood_s: how long machines stood so far.
+    looked at while a machine stands; True lets it run on. stood_s: how long machines have stood so far.
     """
 
     def __init__(
@@ -117,7 +117,6 @@ class GdbServer:
         *,
         waits: bool = False,
         say: Callable[[str], object] = print,
-        ends: Callable[[], bool] = lambda: False,
     ) -> None:
         try:
             self._listening = socket.create_server(("127.0.0.1", port), backlog=4)
@@ -127,7 +126,8 @@ class GdbServer:
         self.port = int(self._listening.getsockname()[1])
         self.points: frozenset[Point] = frozenset()
         self.stood_s = 0.0
-        self._waits, self._say, self._ends = waits, say, ends
+        self.ends: Callable[[], bool] = lambda: False
+        self._waits, self._say, self._announced = waits, say, ""
         self._line: _Line | None = None
         self._early: bytes | None = None
         """A packet that came while the machine ran."""
@@ -138,6 +138,12 @@ class GdbServer:
     def hold(self, machine: Chip, advance: Callable[[int], None]) -> DebugHold:
         """The hold on a machine, of which `advance` makes a step."""
         return DebugHold(machine, advance, self)
+
+    def announce(self, command: str) -> None:
+        """Say once how gdb comes here."""
+        if command != self._announced:
+            self._announced = command
+            self._say(("waits for gdb: " if self._waits else "gdb may come: ") + command)
 
     def close(self) -> None:
         """Serve nobody any more: machines run on."""
@@ -176,7 +182,7 @@ class GdbServer:
         self._look_s = now_s + LOOK_S
         was_attached = self.attached
         self._accept()
-        while self._waits and not self.attached and not self._ends():
+        while self._waits and not self.attached and not self.ends():
             select.select([self._listening], [], [], STAND_LOOK_S)
             self._accept()
         self._waits = False
@@ -194,7 +200,7 @@ class GdbServer:
             if self._running and self._line is not None:
                 self._stop, self._running = stop, False
                 self._line.send(self._stop_reply())
-            while goes is None and self._line is not None and not self._ends():
+            while goes is None and self._line is not None and not self.ends():
                 packet, self._early = self._early or self._line.receive(STAND_LOOK_S), None
                 self._accept()
                 if packet is not None and packet != INTERRUPT:

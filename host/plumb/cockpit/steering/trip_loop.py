@@ -7,12 +7,12 @@ again, disarmed or without anybody who steers it. Then its record and the report
 from __future__ import annotations
 
 import queue
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from plumb import systems
+from plumb.boards import debugging
 from plumb.boards.link import LinkBoard
 from plumb.cockpit.board_run import BoardRun
 from plumb.cockpit.hold import Hold
@@ -155,7 +155,7 @@ class TripLoop(BoardRun):
         return self._passed_s / self._took_s if self._took_s else 1.0
 
     def turn(self) -> None:
-        begin_s, wall_s = self._session.clock(), time.monotonic()
+        begin_s, wall_s = self._session.clock(), debugging.wall_s()
         settled = begin_s - self._begun_s > self._steered.SETTLED_S
         self._obey()
         # In one piece: a wait for the first frame would look at the line every 100 us.
@@ -180,7 +180,7 @@ class TripLoop(BoardRun):
             return
         if self._paced:
             self._pace.keep(now_s, MOST_SLEEP_S)
-        self._passed_s, self._took_s = self._passed_s + now_s - begin_s, self._took_s + time.monotonic() - wall_s
+        self._passed_s, self._took_s = self._passed_s + now_s - begin_s, self._took_s + debugging.wall_s() - wall_s
 
     def begin(self) -> None:
         self.transmitter.begin()
