@@ -2,19 +2,21 @@
 `long` run with PLUMB_LONG=1 only.
 
 A test that takes longer than LIMIT_S fails, and shows what every thread was doing. Where no Python runs any more to
-fail the test, its process ends after twice that, with the same account: the whole session, or one of its workers.
+fail the test, its process ends after about twice that, with the same account: the whole session, or one of its workers.
 """
 
 from __future__ import annotations
 
 import faulthandler
 import gc
+import math
 import os
 import re
 import shutil
 import signal
 import sys
 import tempfile
+import time
 from collections.abc import Generator
 from fnmatch import fnmatch
 from functools import partial
@@ -43,6 +45,8 @@ CALLERS: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler,
 that, and tests of how plumb ends would wait in vain."""
 
 _terminal = pytest.StashKey[int]()
+_watched_s = pytest.StashKey[float]()
+"""Monotonic time at which the end of the process was last put off."""
 
 
 def _leave(bus: PlumbBus) -> None:
@@ -84,7 +88,24 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    _watch_no_longer(config)
     os.close(config.stash[_terminal])
+
+
+def _watch(config: pytest.Config) -> None:
+    """Put off the end of the process, unless that was done a moment ago: faulthandler waits for a thread to end, which
+    takes 16 ms on a busy machine, and there are three phases of each of ten thousand tests."""
+    now_s = time.monotonic()
+    if now_s - config.stash.get(_watched_s, -math.inf) > LIMIT_S / 10.0:
+        faulthandler.dump_traceback_later(2 * LIMIT_S, exit=True, file=config.stash[_terminal])
+        config.stash[_watched_s] = now_s
+
+
+def _watch_no_longer(config: pytest.Config, *_: object) -> None:
+    """At the end, and when a worker has had nothing to do for a while."""
+    faulthandler.cancel_dump_traceback_later()
+    config.stash[_watched_s] = -math.inf
 
 
 def _limited(item: pytest.Item) -> Generator[None, Any, Any]:
@@ -92,15 +113,14 @@ def _limited(item: pytest.Item) -> Generator[None, Any, Any]:
         faulthandler.dump_traceback(item.config.stash[_terminal])
         pytest.fail(f"{item.nodeid} is not done after {LIMIT_S:g} s")
 
-    before = signal.signal(signal.SIGALRM, too_long)
+    signal.signal(signal.SIGALRM, too_long)
     signal.setitimer(signal.ITIMER_REAL, LIMIT_S)
-    faulthandler.dump_traceback_later(2 * LIMIT_S, exit=True, file=item.config.stash[_terminal])
+    _watch(item.config)
     try:
         return (yield)
     finally:
-        faulthandler.cancel_dump_traceback_later()
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_REAL, LIMIT_S / 2.0)
+        signal.signal(signal.SIGALRM, partial(_watch_no_longer, item.config))
 
 
 @pytest.hookimpl(wrapper=True)

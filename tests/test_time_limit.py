@@ -59,3 +59,15 @@ def test_a_worker_that_hangs_is_shown_and_replaced(tmp_path: Path) -> None:
     assert "PASSED test_hangs.py::test_that_is_quick" in done.stdout
     assert "in a_thread_of_its_own" in done.stderr and "in test_out_of_reach" in done.stderr
     assert "3 failed" not in done.stdout and done.returncode == 1
+
+
+def test_a_session_that_waits_between_two_tests_does_not_end(tmp_path: Path) -> None:
+    """As a worker does that has nothing left: for longer than a test may hang."""
+    shutil.copy(Path(__file__).with_name("conftest.py"), tmp_path)
+    with (tmp_path / "conftest.py").open("a") as conftest:
+        conftest.write("\n\ndef pytest_runtest_logfinish():\n    time.sleep(2.5)\n")
+    (tmp_path / "test_quick.py").write_text("def test_one(): ...\n\ndef test_two(): ...\n")
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "test_quick.py"]
+    limited = {**os.environ, "PLUMB_TEST_LIMIT_S": "1"}
+    done = subprocess.run(command, cwd=tmp_path, env=limited, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0 and "2 passed" in done.stdout and not done.stderr, done.stdout + done.stderr
