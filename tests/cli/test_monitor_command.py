@@ -298,6 +298,20 @@ def test_a_line_of_a_vehicle_has_its_angles_all_motors_and_its_phase_in_words(
     assert shown == declared, "signals in declared order"
 
 
+def test_a_line_of_a_vehicle_on_wheels_has_its_motors_in_per_cent(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("plumb.boards.open_link_board", lambda *_, **__: NativePort("wheels", None))
+    assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "1"]) == 0
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert re.search(r"  turn rate \S+ deg/s  lean \S+ deg  motors left \S+ % right \S+ %  phase: ", line), line
+
+
+def test_motors_are_named_where_a_system_drives_several() -> None:
+    assert monitor.motors_of({"left": -0.5, "right": None}, "wheels") == {"left": -0.5}
+    assert monitor.motors_of({"duty": 0.5}, "balancer") == {} == monitor.motors_of({}, None)
+
+
 def test_a_choice_is_named_as_its_declaration_says() -> None:
     assert monitor.choices_of({"phase": 2.0}, "quadrotor") == {"phase": "landing without one"}
     assert (

@@ -61,6 +61,11 @@ def pulses(s: Snapshot) -> str:
     return " ".join(f"{value:.1f}" for value in known) + " us" if known else ""
 
 
+def motors(s: Snapshot) -> str:
+    """Of a vehicle on wheels, in per cent of full drive, positive forward."""
+    return "motors " + " ".join(f"{name} {100.0 * duty:+z.0f} %" for name, duty in s["motors"].items())
+
+
 def line(s: Snapshot) -> str:
     """The look as one line, for a file or a pipe."""
     from plumb.link.monitor import columns
@@ -82,15 +87,18 @@ def line(s: Snapshot) -> str:
         ("duty", s["duty"], ""),
         ("velocity", s["velocity_mps"], "m/s"),
         *(
-            (name, s[name], "")
+            (name_and_unit(name)[0], s[name], name_and_unit(name)[1])
             for name in s
-            if name in columns() and name not in {*LINE_COLUMNS, *s["choices"]} and not PULSE.fullmatch(name)
+            if name in columns()
+            and name not in {*LINE_COLUMNS, *s["choices"], *s["motors"]}
+            and not PULSE.fullmatch(name)
         ),
     ]
     words = [f"{s['time_s']:.2f} s", f"{mode(s)} {armed(s)}"]
     words += [f"{name} {number(value, unit)}" for name, value, unit in values if value is not None]
     if pulses(s) and s["duty"] is None:
         words.append(f"pulses {pulses(s)}")
+    words += [motors(s)] if s["motors"] else []
     words += [f"{name}: {text}" for name, text in s["choices"].items()]
     if s["step"] is not None:
         words.append(f"step {s['step']}")

@@ -66,6 +66,7 @@ class Screen:
         self._live = Live(console=self.console, screen=True, auto_refresh=False, vertical_overflow="crop")
         self._identity: Identity | None = None
         self._course: dict[str, deque[tuple[float, float]]] = {}
+        self._motors: set[str] = set()
         self._looks = 0
         self._ended = self._frozen = self._forget = False
         self._drawn: RenderableType | None = None
@@ -132,6 +133,7 @@ class Screen:
             for name in EULER:
                 extremes.note(name, values[name] or 0.0)
         self._looks += 1
+        self._motors |= set(s["motors"])
         for name, value in values.items():
             if value is not None:
                 course = self._course.setdefault(name, deque(maxlen=round(WINDOWS_S[-1] / EVERY_S)))
@@ -167,6 +169,7 @@ class Screen:
             if column not in self._course:
                 continue
             name, unit = name_and_unit(column.removeprefix("attitude_"))
+            name = f"motor {name}" if column in self._motors else name
             value = values.get(column)
             course = sparkline(
                 list(self._course[column]),

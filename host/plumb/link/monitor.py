@@ -215,6 +215,7 @@ class Monitor:
             **values,
             "attitude": all_or_none(values, *QUATERNION),
             "rates_dps": all_or_none(values, *(f"rate_{axis}_dps" for axis in QUATERNION[1:])),
+            "motors": motors_of(values, system),
             "choices": choices_of(values, system),
             "flags_set": flags_set(values, system),
             "raw": [raw[name] for name in (f"raw_{i}" for i in range(3 * len(RAW_FRAMES))) if name in raw] or None,
@@ -244,6 +245,17 @@ def all_or_none(values: Mapping[str, float | None], *names: str) -> list[float] 
     """The named values as a list; None if one of them is missing."""
     known = [value for value in map(values.get, names) if value is not None]
     return known if len(known) == len(names) else None
+
+
+def motors_of(values: Mapping[str, float | None], system: str | None) -> dict[str, float]:
+    """Column -> duty, -1 to 1, of a system that drives several motors; those received at present."""
+    declared = None if system is None else declarations.system(system)
+    if declared is None:
+        return {}
+    duties = {word.name for word in declared.output_words if word.format == "Q15"}
+    halves = [frame.half.name for frame in declared.frames if frame.half and frame.half.word.name in duties]
+    known = {name: value for name in halves if (value := values.get(name)) is not None}
+    return known if len(halves) > 1 else {}
 
 
 def choices_of(values: Mapping[str, float | None], system: str | None) -> dict[str, str]:
