@@ -10,8 +10,8 @@ from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.judging.quadrotor import figures, loops, sweep
 from plumb.proof import loop_figures
-from plumb.systems.quadrotor import scenarios
 from plumb.tuning.loop_model import nearest_margins
+from support.swept_roll import swept_roll
 
 ABOUT_CROSSOVER_HZ = np.array([3.6, 4.5])
 """Roll crosses at 4.05 Hz."""
@@ -26,10 +26,12 @@ def test_the_flash_image_has_the_margins_that_are_asked() -> None:
     assert min(one.phase_deg for one in found.values()) < 60.0, "the margins of a loop, not of none"
 
 
-def test_one_flight_of_sines_gives_the_loop_that_a_flight_for_each_sine_gives() -> None:
+def test_one_flight_of_sines_gives_the_loop_that_a_flight_for_each_sine_gives(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
     """Two ways to break the same loop: within 1 deg and 2 % where roll has its margin."""
     once = sweep.swept_on(NativeBoard(), "roll", ABOUT_CROSSOVER_HZ)
-    hz, batch = loops.swept("roll", scenarios.HUMMINGBIRD, scenarios.PERIOD_US)
+    hz, batch = swept_roll(tmp_path_factory)
     each = np.interp(ABOUT_CROSSOVER_HZ, hz, batch.real) + 1j * np.interp(ABOUT_CROSSOVER_HZ, hz, batch.imag)
     assert np.abs(np.degrees(np.angle(once / each))).max() < 1.0
     assert np.abs(np.abs(once / each) - 1.0).max() < 0.02
