@@ -159,6 +159,23 @@ def test_a_small_terminal_gets_whole_rows_and_one_without_unicode_ascii() -> Non
     assert after.count("is at a rail") == 3 and after.count("input") == 3  # on the ordinary screen nothing is cut
 
 
+COUNTED = (
+    *("saturated_steps", "starved_steps", "can_off_bus", "can_transmit_errors", "can_receive_errors", "can_bus_offs"),
+    *("host_lost_steps", "host_lost", "host_rejected", "board_lost", "board_rejected", "board_dropped"),
+)
+
+
+@pytest.mark.parametrize("name", [*COUNTED, None])
+def test_counters_are_one_row_while_nothing_is_lost(name: str | None) -> None:
+    screen, out = screen_of()
+    zero: dict[str, object] = dict.fromkeys(COUNTED, 0)
+    with screen:
+        screen.show(look(**{**zero, **({} if name is None else {name: 3})}), Extremes())
+    shown = text_of(out.getvalue().decode())
+    assert ("all zero" in shown) is (name is None)
+    assert all((row in shown) is (name is not None) for row in ("starved", "errors sent", "other frames"))
+
+
 def test_the_course_keeps_its_shape_and_shows_gaps() -> None:
     values = [(0.1 * k, float(k % 10)) for k in range(1, 101)]
     first = sparkline(values, 10.0, 10.0, 10)

@@ -24,6 +24,11 @@ WINDOWS_S = (10, 30, 60, 120)
 """Lengths of the course that + and - choose from."""
 NOT_SHOWN = {*QUATERNION, "flags"}
 """Columns without a row: a quaternion is shown as yaw, pitch and roll; what flags say, the lines below say."""
+COUNTERS = (
+    "saturated_steps", "starved_steps", "can_off_bus", "can_transmit_errors", "can_receive_errors", "can_bus_offs",
+    "host_lost_steps", "host_lost", "host_rejected", "board_lost", "board_rejected", "board_dropped",
+)  # fmt: skip
+"""What four rows show; one row while all of them are 0."""
 EULER = ("yaw_deg", "pitch_deg", "attitude_roll_deg")
 """Rows of an attitude, which stand first."""
 BLOCKS, ASCII_BLOCKS = "▁▂▃▄▅▆▇█", "_.-=+*%@"
@@ -196,7 +201,7 @@ class Screen:
         faults = "; ".join(s["faults"])
         cause = "; ".join(s["disarm_cause"])
         errors = f"errors sent {count(s['can_transmit_errors'])}, received {count(s['can_receive_errors'])}"
-        bus = "off the bus" if s["can_off_bus"] else "on the bus"
+        bus, off = ("off the bus", "red") if s["can_off_bus"] else ("on the bus", "")
         here = f"steps {s['host_lost_steps']}, other frames {s['host_lost']}, rejected {s['host_rejected']}"
         there = (
             f"frames {count(s['board_lost'])}, rejected {count(s['board_rejected'])}, "
@@ -216,10 +221,16 @@ class Screen:
             _row("faults", faults or "none", "bold red" if faults else "green"),
             *_battery(s),
             _row("last disarmed by", cause or "nothing", "yellow" if cause else ""),
-            _row("events", events, "yellow" if s["saturated_steps"] or s["starved_steps"] else ""),
-            _row("can", f"{bus}, {errors}, times off {count(s['can_bus_offs'])}", "red" if s["can_off_bus"] else ""),
-            _row("lost here", here, "yellow" if lost else ""),
-            _row("lost by the board", there, "yellow" if s["board_lost"] or s["board_dropped"] else ""),
+            *(
+                [_row("counters", "all zero: samples, CAN, frames lost here and by the board")]
+                if all(s[name] == 0 for name in COUNTERS)
+                else [
+                    _row("events", events, "yellow" if s["saturated_steps"] or s["starved_steps"] else ""),
+                    _row("can", f"{bus}, {errors}, times off {count(s['can_bus_offs'])}", off),
+                    _row("lost here", here, "yellow" if lost else ""),
+                    _row("lost by the board", there, "yellow" if s["board_lost"] or s["board_dropped"] else ""),
+                ]
+            ),
         ]
 
 
