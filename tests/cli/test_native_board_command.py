@@ -71,4 +71,4 @@ def test_what_is_saved_is_there_the_next_time(tmp_path: Path) -> None:
 @pytest.mark.parametrize("option", ["--image", "--part", "--vcd"])
 def test_what_belongs_to_the_chip_is_wrong_use(option: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["virtual-board", "--port", "native", option, "stm32f103cb"]) == 2
-    assert "--image, --part, --gdb and --vcd are for --port f103" in capsys.readouterr().err
+    assert "--image, --offset, --part, --gdb and --vcd are for --port f103" in capsys.readouterr().err

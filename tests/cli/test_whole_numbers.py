@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from plumb import __main__ as front
-from plumb.cli.whole_numbers import whole_number
+from plumb.cli.whole_numbers import flash_offset, whole_number
 
 CLI = Path(front.__file__).parent
 
@@ -60,3 +60,9 @@ def test_the_simulated_chip_lists_what_it_offers() -> None:
     import plumb.f103
 
     assert {"Machine", "SimulationError"} <= set(dir(plumb.f103))
+
+
+def test_an_offset_in_flash_may_be_hexadecimal() -> None:
+    assert flash_offset("0x2000") == flash_offset("8192") == flash_offset("8_192") == 0x2000
+    with pytest.raises(argparse.ArgumentTypeError, match="'0x20zz' is no whole number"):
+        flash_offset("0x20zz")

@@ -43,6 +43,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
+from plumb.cli.whole_numbers import flash_offset
 from plumb.spec.pin_sets import PIN_SETS
 
 if TYPE_CHECKING:
@@ -86,8 +87,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_seed(parser, "the plant")
     parser.add_argument("--strap", help=f"{straps} (default: that of --system)")
     parser.add_argument("--port", choices=("f103", "native"), default="f103", help="the chip, or a board in memory")
-    parser.add_argument("--part", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
+    parser.add_argument("--part", help="stm32f103c8 (default), or another from -c4 to -ze")
     options.add_image(parser)
+    parser.add_argument("--offset", type=flash_offset, metavar="BYTES", help="of an image behind a boot loader")
     parser.add_argument(
         "--hand", metavar="FILE|-", help="a hand holds the body, and follows poses in FILE, or on stdin"
     )
@@ -232,7 +234,7 @@ def _f103(
             traces.append(VcdTrace(machine, arguments.vcd))
 
     image = arguments.image or images.running(arguments.system)
-    machine = open_machine(image, part, slots=slots, strap=strap, couple=attach)
+    machine = open_machine(image, part, slots=slots, strap=strap, couple=attach, offset=arguments.offset)
     if arguments.system and not slots:
         plant_on_pins.boot_configured_as(machine, arguments.system, strap, calibrated=not arguments.hand)
     kept = MachineSlots(machine, arguments.keep) if arguments.keep else None
@@ -255,8 +257,9 @@ def _native(
     from plumb.errors import UsageError
     from plumb.physics.battery import Battery
 
-    if arguments.image or arguments.part or arguments.vcd or arguments.gdb is not None:
-        raise UsageError("--image, --part, --gdb and --vcd are for --port f103: leave them or --port native out")
+    if arguments.image or arguments.part or arguments.vcd or arguments.offset or arguments.gdb is not None:
+        only = "--image, --offset, --part, --gdb and --vcd are for --port f103"
+        raise UsageError(f"{only}: leave them or --port native out")
     slots = read_slots(arguments.keep) if arguments.keep else b""
     strap = _strap(arguments)
     if strap not in BY_PIN_SET:

@@ -21,3 +21,8 @@ def whole_number(text: str) -> int:
     if _DECIMAL.fullmatch(plain) and (value := Decimal(plain)) == value.to_integral_value():
         return int(value)
     raise argparse.ArgumentTypeError(f"{text!r} is no whole number; write for example 1000, 1_000, 1,000 or 1e3")
+
+
+def flash_offset(text: str) -> int:
+    """Bytes, decimal as for `whole_number` or as 0x2000. Raises ArgumentTypeError for anything else."""
+    return int(text, 16) if re.fullmatch(r"0[xX][0-9a-fA-F]{1,8}", text) else whole_number(text)

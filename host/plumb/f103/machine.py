@@ -18,13 +18,13 @@ import signal
 import struct
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from plumb.errors import UsageError
 from plumb.f103.core.bus import Bus, Peripheral, SimulationError
-from plumb.f103.core.cpu import SYSTEM_BASE, Cpu
+from plumb.f103.core.cpu import FLASH_BASE, SYSTEM_BASE, Cpu
 from plumb.f103.core.debug import CoreDebug, DbgMcu, Dwt
 from plumb.f103.core.nvic import Nvic
 from plumb.f103.core.probe import Probe
@@ -33,6 +33,7 @@ from plumb.f103.core.scb import Scb, SysTick
 from plumb.f103.core.timeline import NEVER, TICKS_PER_S, TICKS_PER_US, Timeline
 from plumb.f103.debug_hold import DebugHold
 from plumb.f103.gdb_server import GdbServer
+from plumb.f103.parts import part_named
 from plumb.f103.peripherals.adc import PINS as ADC_PINS
 from plumb.f103.peripherals.adc import Adc
 from plumb.f103.peripherals.backup import Bkp, Pwr
@@ -51,10 +52,10 @@ from plumb.f103.peripherals.tim1 import Bridge, Tim1
 from plumb.f103.peripherals.tim2 import REMAPPED_PINS, Tim2
 from plumb.f103.peripherals.usart import Usart1, Usart3
 from plumb.f103.peripherals.wwdg import Wwdg
+from plumb.f103.program_image import load_program
 from plumb.f103.program_places import ElfPlaces
 from plumb.f103.snapshot import Snapshot
 from plumb.f103.uart_stream import UartStream
-from plumb.flash.image import check_image, load_image
 from plumb.flash.rom_model import RomBootloader
 from plumb.process_signals import raise_at_once
 
@@ -62,24 +63,6 @@ VoltSource = float | Callable[[float], float]
 """Volts, or a function of simulated seconds that returns volts."""
 
 
-@dataclass(frozen=True)
-class Part:
-    name: str
-    flash_kib: int
-    ram_kib: int
-    idcode: int
-
-
-PARTS = {
-    part.name: part
-    for part in (
-        Part("stm32f103c8", 64, 20, 0x20036410),
-        Part("stm32f103cb", 128, 20, 0x20036410),
-        Part("stm32f103rct6", 256, 48, 0x10036414),
-        Part("stm32f103ret6", 512, 64, 0x10036414),
-        Part("stm32f103zet6", 512, 64, 0x10036414),
-    )
-}
 PWM_PINS = {
     pin: (timer, index)
     for timer, pins in {
@@ -139,7 +122,9 @@ class Machine:
     seed: for the contents of uninitialised RAM and the unique id. crystal: False for a dead crystal. flash_size:
     value of the size register, 0xFFFF on some chips; None: the part's size. lse_left_on: earlier firmware left the 32
     kHz oscillator on PC14 and PC15 running. faults: "stop": a fault of the program ends the call that lets time pass
-    with FaultStop; "run": its handler runs, as on silicon. Both note it in `program_faults`.
+    with FaultStop; "run": its handler runs, as on silicon. Both note it in `program_faults`. offset: of a program in
+    flash that a boot loader stands before; None: found by its vectors. crystal_mhz: frequency of HSE, 8, 12, 16 or
+    another even number from 4 on.
     """
 
     WIRING = frozenset({"probe", "debug_hold"})
@@ -156,16 +141,17 @@ class Machine:
         flash_size: int | None = None,
         lse_left_on: bool = False,
         faults: Literal["stop", "run"] = "stop",
+        offset: int | None = None,
+        crystal_mhz: int = 8,
     ) -> None:
-        if part not in PARTS:
-            raise UsageError(f"'{part}' is not a simulated part; use one of {', '.join(PARTS)}")
         self.probe: Probe | None = None
         """An instrument on the pins, for example `waveforms.VcdTrace`; snapshots do not keep it."""
         self.debug_hold: DebugHold | None = None
         """A debugger's hold on the machine, which `debug` makes; snapshots do not keep it."""
-        self.part = PARTS[part]
-        data = load_image(image) if isinstance(image, Path) else image
-        check_image(data, "the image")
+        self.part = part_named(part)
+        program = load_program(image, offset)
+        data, self.table = program.data, program.table
+        """Offset of the program's vector table in flash, behind a boot loader that is not in the image."""
         if len(data) > self.part.flash_kib * 1024:
             raise UsageError(f"the image has {len(data)} bytes; {part} has {self.part.flash_kib} KiB of flash")
         self.chance = random.Random(seed)
@@ -184,6 +170,7 @@ class Machine:
         self._host_waits = self._stop = False
         self._build()
         self.rcc.crystal_dead = not crystal
+        self.rcc.set_crystal(crystal_mhz)
         self.rcc.bdcr = int(lse_left_on)
         self._fill_memory(data)
         if flash_size is not None:
@@ -231,8 +218,11 @@ class Machine:
             self.rcc,
         ]
         for peripheral in core + rest:
-            self.bus.attach(peripheral)
-        self.by_name = {peripheral.name: peripheral for peripheral in self.bus.peripherals}
+            if peripheral.name in self.part.lacks:
+                self.bus.lacking.append(peripheral)
+            else:
+                self.bus.attach(peripheral)
+        self.by_name = {peripheral.name: peripheral for peripheral in core + rest}
         for base, size in ((0x40000000, CRC_BASE - 0x40000000), (0xE0000000, 0x100000)):
             self.cpu.map_registers(base, size, self.bus)
         self.cpu.map_registers(CRC_BASE, 0x1000, self.bus, self.crc)
@@ -271,12 +261,19 @@ class Machine:
         for peripheral in self.bus.peripherals:
             peripheral.reset()
         self.rcc.note_reset(cause)
-        self.cpu.restart()
+        self._start_program()
         self.rom = None
         if self.boot0:
             self.enter_rom()
         if self.probe is not None:
             self.probe.restarted(self.now)
+
+    def _start_program(self) -> None:
+        """Start from the vectors of the flash's beginning, or do what a boot loader does that is not in the image."""
+        behind = self.table and self.cpu.flash[:8] == b"\xff" * 8
+        self.cpu.restart(FLASH_BASE + self.table if behind else FLASH_BASE)
+        if behind:
+            self.scb.vtor = FLASH_BASE + self.table
 
     # The ROM bootloader: modelled, not executed
 

@@ -1,10 +1,11 @@
-"""The flash image: finds it, and reads its bytes from .bin, .hex or .elf. The three files of one build give the same
-bytes."""
+"""The flash image: finds it, and reads its bytes from .bin, .hex, .elf or .uf2, by their content. The files of one
+build give the same bytes."""
 
 from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +27,10 @@ HEADER_MAGIC = 0x626D6C70
 HEADER = struct.Struct("<6I")
 """Image header, after the vector table: magic, family, size of the image, commit (two words), 1 if the tree differed.
 firmware/ports/stm32f103/startup.c places it; the image's last word is the CRC-32 of all bytes before it."""
-_ELF_ARM, _PT_LOAD = 40, 1
+_ELF_MAGIC, _ELF_ARM, _PT_LOAD = b"\x7fELF", 40, 1
+_UF2_MAGIC, _UF2_END = b"UF2\n\x57\x51\x5d\x9e", b"\x30\x6f\xb1\x0a"
+_UF2_BLOCK, _UF2_FAMILY, _UF2_NOT_FLASH = 512, 0x5EE21072, 1
+"""Size of a block of UF2 (github.com/microsoft/uf2), the family of the STM32F1, the flag of what is not for flash."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +56,30 @@ def find_image(image: Path | None = None) -> Path:
 
 def load_image(path: Path) -> bytes:
     """Bytes from 0x08000000 on; gaps read as erased flash. Raises UsageError for a file that is not an image."""
-    raw = read_bytes(path, MOST_BYTES, "build an image with 'make image'")
-    if raw[:4] == b"\x7fELF":
-        data = _from_elf(raw, path)
-    elif path.suffix.lower() in (".hex", ".ihx") or raw[:1] == b":":
-        data = _from_hex(raw, path)
-    else:
-        data = raw
+    data = read_flash(path)
     check_image(data, str(path))
     return data
+
+
+def read_flash(path: Path) -> bytes:
+    """As `load_image`, of a file that need not begin with a vector table."""
+    raw = read_bytes(path, MOST_BYTES, "build an image with 'make image'")
+    reader = _reader(raw[:4], path)
+    return raw if reader is None else reader(raw, path)
+
+
+def has_addresses(path: Path) -> bool:
+    """True for a file that says where its bytes belong. Raises UsageError for one that cannot be read."""
+    return _reader(read_bytes(path, MOST_BYTES, "give another image")[:4], path) is not None
+
+
+def _reader(begin: bytes, path: Path) -> Callable[[bytes, Path], bytes] | None:
+    """What reads a file that begins with these bytes; None for plain bytes."""
+    if begin == _ELF_MAGIC:
+        return _from_elf
+    if begin == _UF2_MAGIC[:4]:
+        return _from_uf2
+    return _from_hex if begin[:1] == b":" or path.suffix.lower() in (".hex", ".ihx") else None
 
 
 def load_own_image(path: Path) -> bytes:
@@ -134,6 +153,21 @@ def _from_elf(raw: bytes, path: Path) -> bytes:
                 pieces.append((physical, raw[offset : offset + length]))
     except struct.error as error:
         raise UsageError(f"{path} is a damaged ELF file") from error
+    return _place(pieces, path)
+
+
+def _from_uf2(raw: bytes, path: Path) -> bytes:
+    """Blocks of 512 bytes, each with its address and at most 476 bytes; those for other families are left out."""
+    pieces: list[tuple[int, bytes]] = []
+    for number in range(0, len(raw), _UF2_BLOCK):
+        block = raw[number : number + _UF2_BLOCK]
+        if len(block) < _UF2_BLOCK or block[:8] != _UF2_MAGIC or block[-4:] != _UF2_END:
+            raise UsageError(f"{path} block {number // _UF2_BLOCK + 1} is not a valid block of UF2")
+        flags, address, length, _, _, family = struct.unpack_from("<6I", block, 8)
+        if length > 476:
+            raise UsageError(f"{path} block {number // _UF2_BLOCK + 1} is not a valid block of UF2")
+        if not flags & _UF2_NOT_FLASH and (not flags & 0x2000 or family == _UF2_FAMILY):
+            pieces.append((address, block[32 : 32 + length]))
     return _place(pieces, path)
 
 

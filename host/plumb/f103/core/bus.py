@@ -87,6 +87,8 @@ class Bus:
         self.writers: dict[int, tuple[Peripheral, Callable[[int], None]]] = {}
         self.peekers: dict[int, tuple[Peripheral, Callable[[], int]]] = {}
         self.peripherals: list[Peripheral] = []
+        self.lacking: list[Peripheral] = []
+        """Those that other parts of the family have."""
 
     def attach(self, peripheral: Peripheral) -> None:
         self.peripherals.append(peripheral)
@@ -142,6 +144,10 @@ class Bus:
         return (old & ~(((1 << (8 * size)) - 1) << shift)) | (value << shift)
 
     def _nobody(self, action: str, address: int) -> str:
+        for lacking in self.lacking:
+            if lacking.base <= address < lacking.base + 0x400:
+                lacked = f"{lacking.name}, which a {self.machine.part.name} does not have"
+                return f"{action} 0x{address:08X}: {lacked} ({self.machine.where()})"
         below = [p for p in self.peripherals if p.base <= address < p.base + 0x400]
         place = f"{below[0].name} offset 0x{address - below[0].base:02X}" if below else "no modelled peripheral"
         return f"{action} 0x{address:08X} ({place}): this register is not modelled ({self.machine.where()})"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from plumb.errors import UsageError
 from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.nvic import NMI
 from plumb.f103.core.timeline import TICKS_PER_US
@@ -23,7 +24,9 @@ SW_HSI, SW_HSE, SW_PLL = 0, 1, 2
 RESET_FLAGS = {"power": 1 << 27, "pin": 0, "software": 1 << 28, "iwdg": 1 << 29, "wwdg": 1 << 30}
 PINRSTF, RMVF, LSION, LSIRDY = 1 << 26, 1 << 24, 1, 2
 HSE_START_US, PLL_START_US = 2000, 200
-HSI_MHZ = HSE_MHZ = 8
+HSI_MHZ = 8
+CRYSTALS_MHZ = (4, 6, 8, 10, 12, 14, 16)
+"""Of those that HSE takes, those whose half has a period of a whole number of ticks."""
 PLL_BITS = 0x003F0000
 """PLLSRC, PLLXTPRE, PLLMUL: frozen while the PLL runs."""
 APB2_CLOCKS = {
@@ -70,6 +73,7 @@ class Rcc(Peripheral):
         super().__init__(machine, "RCC", 0x40021000)
         self.crystal_dead = False
         self.pll_dead = False
+        self.hse_mhz = 8
         self.hclk_ticks = self.pclk1_ticks = self.pclk2_ticks = self.timer1_ticks = 0
         """Ticks of a cycle of the core and AHB, of APB1, of APB2, and of the timers on APB1."""
         self.core_clock_lost = False
@@ -81,6 +85,12 @@ class Rcc(Peripheral):
         self.core_clock_lost = False
         self._gate()
         self._set_clock()
+
+    def set_crystal(self, mhz: int) -> None:
+        """Frequency of HSE, before the part starts. Raises UsageError."""
+        if mhz not in CRYSTALS_MHZ:
+            raise UsageError(f"a crystal of {mhz} MHz is not modelled; use one of {', '.join(map(str, CRYSTALS_MHZ))}")
+        self.hse_mhz = mhz
 
     def write_bdcr(self, value: int) -> None:
         """Only LSEON of the backup domain is modelled: it keeps its value over resets, and on a battery over a loss of
@@ -100,14 +110,14 @@ class Rcc(Peripheral):
     def _pll_mhz(self) -> int:
         source = HSI_MHZ // 2
         if self.cfgr & 1 << 16:
-            source = HSE_MHZ // 2 if self.cfgr & 1 << 17 else HSE_MHZ
+            source = self.hse_mhz // 2 if self.cfgr & 1 << 17 else self.hse_mhz
         multiplier = min(((self.cfgr >> 18) & 15) + 2, 16)
         if source * multiplier > 72:
             raise SimulationError(f"RCC_CFGR asks the PLL for {source * multiplier} MHz; 72 MHz is the limit")
         return source * multiplier
 
     def _sysclk_mhz(self) -> int:
-        return {SW_HSI: HSI_MHZ, SW_HSE: HSE_MHZ, SW_PLL: self._pll_mhz()}[(self.cfgr >> 2) & 3]
+        return {SW_HSI: HSI_MHZ, SW_HSE: self.hse_mhz, SW_PLL: self._pll_mhz()}[(self.cfgr >> 2) & 3]
 
     @property
     def adc_ticks(self) -> int:
