@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import socket
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import pytest
 
 pytest.importorskip("unicorn")
 
+import plumb
 from plumb.__main__ import main
 from plumb.boards import debugging
 from plumb.errors import ExitCode
@@ -25,6 +27,7 @@ from support.gdb_client import GdbClient
 PC = 15
 STOPS = 5
 DEADLINE_S = 60
+SILENT_S = 4.0
 
 
 def control_step() -> int:
@@ -101,6 +104,40 @@ def test_a_flight_goes_on_after_a_stop_and_is_not_late(tmp_path: Path, capsys: p
     said = capsys.readouterr()
     assert "gdb may come: gdb-multiarch" in said.err
     assert json.loads(said.out.splitlines()[-1])["board"] == "virtual"
+
+
+def test_a_client_of_a_served_board_waits_while_it_stands() -> None:
+    """For longer than a board may be silent."""
+    command = [sys.executable, "-m", "plumb", "virtual-board", "--system", "quad", "--serial", "tcp:0", "--gdb", "0"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    try:
+        port = int(process.stderr.readline().rsplit(":", 1)[1].strip().strip("'"))
+        name = process.stdout.readline().split("use it as ")[1].split(";")[0]
+        stood: list[bool] = []
+
+        def stand() -> None:
+            with GdbClient(port) as gdb:
+                gdb.ask("?")
+                time.sleep(SILENT_S)
+                gdb.ask("D")
+            stood.append(True)
+
+        thread = threading.Thread(target=stand)
+        with plumb.connect(name) as board:
+            for sample in board.stream():
+                if thread.ident is None:
+                    first_s = sample.time_s
+                    thread.start()
+                if stood:
+                    break
+        thread.join(DEADLINE_S)
+        assert stood
+        assert sample.time_s - first_s < SILENT_S, "its time stood"
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=DEADLINE_S)
 
 
 def test_a_taken_port_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,7 +21,8 @@ from plumb import f103
 from plumb.errors import LinkError
 from plumb.f103.core.bus import SimulationError
 from plumb.f103.debug_hold import REGISTERS
-from plumb.f103.gdb_server import PACKET_BYTES, GdbServer
+from plumb.f103.gdb_description import PACKET_BYTES
+from plumb.f103.gdb_server import GdbServer
 from plumb.f103.machine import Machine
 from support.f103_program import NewBoard
 from support.gdb_client import GdbClient

@@ -56,6 +56,12 @@ def ends(given_up: Callable[[], bool]) -> None:
         server.ends = given_up
 
 
+def while_standing(tell: Callable[[], object]) -> None:
+    """From now on tell() is called several times a second while a chip stands."""
+    for server in _served:
+        server.tell = tell
+
+
 def wall_s() -> float:
     """Time on the wall in seconds, which stands while a chip stands for the debugger: what is held to real time is not
     late then."""

@@ -14,13 +14,14 @@ from typing import Protocol
 import can
 
 from plumb.boards.client_time import ClientTime
-from plumb.boards.debugging import wall_s
+from plumb.boards.debugging import wall_s, while_standing
 from plumb.boards.flash_file import KeptSlots
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.link.endpoint_names import DEFAULT_KBIT, CanName, SocketcandServerName, parse_can_end
 from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.transports.server_endpoint import ServerEndpoint, open_endpoint, wait_readable
+from plumb.link.transports.waiting_board import STANDS
 
 SLICE_S = 0.0003
 """Pause between two turns of the serving loop: the resolution of real time."""
@@ -94,6 +95,7 @@ def run_paced(
     is flushed, and orders are looked at, as time passes. say: called with a sentence when the board falls behind real
     time, and when it keeps up again. set_up: sets its plant up anew when the client asks for it."""
     client = ClientTime(set_up)
+    while_standing(lambda: line.write(STANDS) if client.waits else None)
     begin_wall, begin_ticks = wall_s(), machine.now
     started_s = begin_wall
     watch = RealTimeWatch("the virtual board", "this machine is too slow or too busy for it", say, wall_s)

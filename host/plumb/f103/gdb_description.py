@@ -1,10 +1,17 @@
-"""What gdb asks about the simulated chip once: its registers and its memories, as XML."""
+"""What gdb asks once, and its answers: what is served, and registers and memories of the simulated chip, as XML."""
 
 from __future__ import annotations
+
+import re
 
 from plumb.f103.core.cpu import FLASH_BASE, RAM_BASE, SYSTEM_BASE
 from plumb.f103.debug_hold import REGISTERS, Chip
 
+PACKET_BYTES = 0x1000
+"""The most that a packet holds, either way."""
+FEATURES = f"PacketSize={PACKET_BYTES:x};qXfer:features:read+;qXfer:memory-map:read+;QStartNoAckMode+;vContSupported+"
+SIMPLE = {"!": "OK", "qAttached": "1", "vCont?": "vCont;c;C;s;S", "qSupported": FEATURES, "H": "OK", "T": "OK"}
+"""Answers to packets that begin like this."""
 CORE_REGISTERS = 17
 """r0 to xpsr; the others belong to the system."""
 TYPES = {"sp": "data_ptr", "msp": "data_ptr", "psp": "data_ptr", "pc": "code_ptr"}
@@ -25,3 +32,8 @@ def memory_map_xml(machine: Chip) -> str:
              ("ram", 0x40000000, 0x20000000), ("ram", 0xE0000000, 0x100000))  # fmt: skip
     memories = "".join(f'<memory type="{kind}" start="{start:#x}" length="{size:#x}"/>' for kind, start, size in areas)
     return f'<?xml version="1.0"?><memory-map>{memories}</memory-map>'
+
+
+def unescaped(data: str) -> bytes:
+    """The bytes of a binary packet."""
+    return re.sub(rb"}(.)", lambda found: bytes([found[1][0] ^ 0x20]), data.encode("latin-1"), flags=re.DOTALL)

@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 from plumb.errors import LinkError
 from plumb.f103.debug_hold import ACCESS, REGISTERS, WATCHED, Chip, DebugHold, Point, Stop
-from plumb.f103.gdb_description import memory_map_xml, target_xml
+from plumb.f103.gdb_description import PACKET_BYTES, SIMPLE, memory_map_xml, target_xml, unescaped
 from plumb.f103.gdb_monitor import answer
 
 LOOK_S = 0.005
@@ -25,13 +25,8 @@ LOOK_S = 0.005
 STAND_LOOK_S = 0.1
 PATIENCE_S = 5.0
 """A debugger that reads nothing for this long is given up."""
-PACKET_BYTES = 0x1000
-"""The most that a packet holds, either way."""
 SIGNALS = {"asked": 2, "fault": 11}
 """SIGINT and SIGSEGV; all others are SIGTRAP."""
-FEATURES = f"PacketSize={PACKET_BYTES:x};qXfer:features:read+;qXfer:memory-map:read+;QStartNoAckMode+;vContSupported+"
-SIMPLE = {"!": "OK", "qAttached": "1", "vCont?": "vCont;c;C;s;S", "qSupported": FEATURES, "H": "OK", "T": "OK"}
-"""Answers to packets that begin like this."""
 INTERRUPT = b"\x03"
 _PACKET = re.compile(rb"\$([^#]*)#([0-9a-fA-F]{2})", re.DOTALL)
 _GOES = re.compile(r"(?:vCont;)?([cCsS])(?:[0-9a-f]{2}(?=$|[;:]))?;?([0-9a-f]*)")
@@ -108,7 +103,8 @@ class GdbServer:
     """Listens on a port; 0 takes a free one. Raises LinkError for a port that is taken.
 
     waits: machines stand until a debugger has come. say: gets a sentence when a debugger goes without leaving. ends:
-    looked at while a machine stands; True lets it run on. stood_s: how long machines have stood so far.
+    looked at while a machine stands; True lets it run on. tell: called several times a second meanwhile. stood_s: how
+    long machines have stood so far.
     """
 
     def __init__(
@@ -127,6 +123,7 @@ class GdbServer:
         self.points: frozenset[Point] = frozenset()
         self.stood_s = 0.0
         self.ends: Callable[[], bool] = lambda: False
+        self.tell: Callable[[], object] = lambda: None
         self._waits, self._say, self._announced = waits, say, ""
         self._line: _Line | None = None
         self._early: bytes | None = None
@@ -201,6 +198,7 @@ class GdbServer:
                 self._stop, self._running = stop, False
                 self._line.send(self._stop_reply())
             while goes is None and self._line is not None and not self.ends():
+                self.tell()
                 packet, self._early = self._early or self._line.receive(STAND_LOOK_S), None
                 self._accept()
                 if packet is not None and packet != INTERRUPT:
@@ -255,7 +253,7 @@ class GdbServer:
             return hold.read(address, min(size, PACKET_BYTES // 2)).hex() or "E01"
         if kind in ("M", "X"):
             place, data = rest.split(":", 1)
-            return self._write_memory(hold, place, bytes.fromhex(data) if kind == "M" else _unescaped(data))
+            return self._write_memory(hold, place, bytes.fromhex(data) if kind == "M" else unescaped(data))
         if kind in ("Z", "z"):
             return self._set_point(kind, *(int(number, 16) for number in rest.split(";")[0].split(",")))
         if kind == "R":
@@ -299,7 +297,3 @@ class GdbServer:
                 part = text[first : first + min(size, PACKET_BYTES - 8)]
                 return ("m" if first + len(part) < len(text) else "l") + part
         return ""
-
-
-def _unescaped(data: str) -> bytes:
-    return re.sub(rb"}(.)", lambda found: bytes([found[1][0] ^ 0x20]), data.encode("latin-1"), flags=re.DOTALL)

@@ -55,7 +55,7 @@ class PlumbBus(can.BusABC):
             self._stream.write(b"\rC\r" + (b"L\r" if listen_only else b"O\r"))
             if self._answering is not None:
                 self._stream.write(WAIT + b"\r")
-                self._stream = self._answering
+                self._stream, self.clock = self._answering, self._answering.clock
         except LinkError:
             self._stream.close()
             raise
