@@ -21,6 +21,8 @@ import plumb
 from plumb.__main__ import main
 from plumb.boards import debugging
 from plumb.errors import ExitCode
+from plumb.flash.image import find_image
+from plumb.spec import images
 from support.flash_image import image_path
 from support.gdb_client import GdbClient
 
@@ -30,14 +32,14 @@ DEADLINE_S = 60
 SILENT_S = 4.0
 
 
-def control_step() -> int:
-    elf = str(image_path().with_suffix(".elf"))
+def control_step(image: Path) -> int:
+    elf = str(image.with_suffix(".elf"))
     lines = subprocess.run(["arm-none-eabi-nm", elf], capture_output=True, text=True, check=True).stdout.splitlines()
     return next(int(line.split()[0], 16) & ~1 for line in lines if line.split()[-1] == "control_step")
 
 
-def stop_some_times(gdb: GdbClient) -> None:
-    place = control_step()
+def stop_some_times(gdb: GdbClient, image: Path | None = None) -> None:
+    place = control_step(image or image_path())
     for _ in range(STOPS):
         assert gdb.ask(f"Z0,{place:x},2") == "OK"
         assert gdb.ask("c") == "T05"
@@ -96,10 +98,11 @@ def test_a_flight_goes_on_after_a_stop_and_is_not_late(tmp_path: Path, capsys: p
     def look(gdb: GdbClient) -> None:
         gdb.ask("?")
         time.sleep(2)
-        stop_some_times(gdb)
+        stop_some_times(gdb, find_image(images.running("quadrotor")))
 
     with debugger(look):
-        command = ["fly", "--board", "virtual", "--gdb", "0", "--seconds", "8", "--out", str(tmp_path), "--json"]
+        command = ["fly", "--board", "virtual", "--gdb", "0", "--seconds", "15", "--out", str(tmp_path), "--json"]
+        command += ["--system", "quadrotor"]
         assert main(command) == ExitCode.GOOD
     said = capsys.readouterr()
     assert "gdb may come: gdb-multiarch" in said.err
