@@ -40,7 +40,7 @@ def test_a_csv_has_time_and_units(whole: Path, recorded: RecordedRun, tmp_path: 
     assert export(whole, tmp_path / "run.csv") == 0
     with (tmp_path / "run.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0])[:5] == ["time_s", "step", "digest", "armed", "setpoint"]
+    assert list(rows[0])[:4] == ["time_s", "step", "digest", "armed"]
     run = recorded.run
     assert len(rows) == run.steps
     for step, row in enumerate(rows):
@@ -66,21 +66,28 @@ def test_a_parquet_file_has_the_same_columns_with_units_and_origin(whole: Path, 
     assert said["command"] == "a test" and said["parameters"][0]["values"]["system"] == 0
 
 
-def test_a_value_that_was_not_received_is_an_empty_cell_and_a_null(whole: Path, tmp_path: Path) -> None:
-    angle = protocol()["QUAD_ANGLE"].identifier
+def test_a_value_that_neither_came_nor_can_be_calculated_is_an_empty_cell_and_a_null(
+    whole: Path, recorded: RecordedRun, tmp_path: Path
+) -> None:
+    """The value of step 3 alone is lost: its counts say it. The counts of step 5 are lost: nothing says the value of
+    step 7."""
+    angle, raw = (protocol()[name].identifier for name in ("QUAD_ANGLE", "RAW_A"))
 
-    def without_one(frames: Frames) -> Frames:
-        return np.delete(frames, np.flatnonzero(frames["can_id"] == angle)[3])
+    def without_some(frames: Frames) -> Frames:
+        angles, counts = (np.flatnonzero(frames["can_id"] == identifier) for identifier in (angle, raw))
+        return np.delete(frames, [angles[3], counts[5], angles[7]])
 
-    log = open_log(with_frames(whole, tmp_path / "run.plog", without_one))
+    log = open_log(with_frames(whole, tmp_path / "run.plog", without_some))
     (lost,) = runs_of(log)
     log_export.export(log, lost, tmp_path / "run.csv")
     log_export.export(log, lost, tmp_path / "run.parquet")
     with (tmp_path / "run.csv").open(encoding="utf-8") as file:
         cells = [row["tilt_deg"] for row in csv.DictReader(file)]
-    assert [number for number, cell in enumerate(cells) if not cell] == [3]
+    assert [number for number, cell in enumerate(cells) if not cell] == [7]
+    integers, _ = recorded.run.together.signal(("QUAD_ANGLE", "tilt"))
+    assert float(cells[3]) == pytest.approx(360.0 * integers[3] / 2**32, rel=1e-6) and integers[3]
     column = parquet.read_table(tmp_path / "run.parquet").column("tilt_deg").to_pylist()
-    assert [number for number, cell in enumerate(column) if cell is None] == [3]
+    assert [number for number, cell in enumerate(column) if cell is None] == [7]
 
 
 def test_an_mf4_file_has_frames_signals_units_and_the_dbc(whole: Path, recorded: RecordedRun, tmp_path: Path) -> None:

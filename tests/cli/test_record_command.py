@@ -17,6 +17,7 @@ from plumb import __main__ as front
 from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.cli import link_test
+from plumb.contract import run_fixed
 from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.link import monitor
@@ -86,7 +87,10 @@ def test_a_recording_has_every_frame_and_a_row_with_time_for_every_step(
     assert run.run.steps == len(rows) > 20 and run.run.incomplete == 0 and run.known == run.run.steps
     assert {row["raw_gyro_counts"] for row in rows} == {"1700"}
     assert all(len(row["digest"]) == 8 for row in rows)
-    assert float(rows[-1]["tilt_deg"]) != 0 and "bias_dps" not in rows[-1]  # what was not selected has no column
+    # bias_dps was not selected: the counts say it
+    words = run_fixed.run_control(run.used.params, run.run.raw, run.run.setpoint)
+    bias_dps = words["bias_turnps_q28"] * 360.0 / 2**28
+    assert float(rows[-1]["tilt_deg"]) != 0 and [float(row["bias_dps"]) for row in rows] == pytest.approx(bias_dps)
     assert list(log.frames["can_id"]).count(session.protocol["STEP"].identifier) == len(rows)
     assert log.done is not None and log.done["ended"] == "after half a second" and not log.warnings
 

@@ -14,7 +14,7 @@ from plumb.readers import log_replay, run_parts
 from plumb.readers.log_file import FRAME, Frames, read_log
 from plumb.readers.logged_runs import LoggedRun, runs_in
 from plumb.readers.run_parts import PER_STEP
-from plumb.readers.step_table import table_of
+from plumb.readers.step_table import tables_of
 from plumb.spec.protocol import protocol
 from support.recordings import GAINS, log_of_zeros, recorded_run
 
@@ -103,8 +103,8 @@ def measured(path: Path) -> tuple[int, int]:
     try:
         (recorded,) = log_replay.runs_of(log_replay.open_log(path))
         last = 0
-        for part in recorded.run.parts():
-            last = int({column.name: column for column in table_of(recorded, part)}["step"].values[-1])
+        for columns in tables_of(recorded):
+            last = int({column.name: column for column in columns}["step"].values[-1])
         return last, tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from plumb import systems
+from plumb.contract.parameters import quantise
 from plumb.proof.report import page
-from plumb.readers.step_table import Column
+from plumb.readers.step_quantities import quantities_of
+from plumb.readers.table_column import Column
 from plumb.spec import declarations
 from plumb.spec.quaternion_angles import ANGLES
 from plumb.writers.record_report import panels
@@ -16,9 +18,12 @@ ROLLED = {"w": np.cos(0.1 * ONES), "x": np.sin(0.1 * ONES), "y": 0.0 * ONES, "z"
 """An attitude rolled by 0.2 rad."""
 
 
+FLYING = systems.with_part("fly")[0]
+
+
 def flown() -> list[Column]:
     integers = np.full(5, 16384, np.int64)
-    return [
+    found = [
         Column("time_s", "s", np.arange(5.0)),
         Column("step", "", np.arange(5)),
         Column("setpoint", "", integers),
@@ -26,19 +31,22 @@ def flown() -> list[Column]:
         Column("gyr_x_dps", "deg/s", ONES),
         Column("command_roll", "", -integers),
         Column("command_switches", "", integers),
-        Column("pulse_0_us", "us", ONES, None, "ROTOR_0"),
+        Column("pulse_0_us", "us", 1500.0 * ONES, None, "ROTOR_0"),
         *(Column(name, "", values, None, "ROTOR_0") for name, values in ROLLED.items()),
         Column("phase", "", 0 * integers, None, "STATE"),
         Column("flags", "", integers, None, "STATE"),
     ]
+    module = systems.load(FLYING)
+    params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
+    return [found[0], *quantities_of(found, declarations.system(FLYING), params), *found[1:]]
 
 
 def test_angles_and_sticks_stand_first_and_integers_are_folded() -> None:
-    found = panels(flown(), declarations.system(systems.with_part("fly")[0]))
+    found = panels(flown(), declarations.system(FLYING))
     titles = [plot.title for plot in found]
-    assert titles[:3] == ["Signals in deg", "Sticks", "Signals in us"] and "Sensors in deg/s" in titles
+    assert titles[:4] == ["Signals in deg", "Sticks", "Motors", "Signals in us"] and "Sensors in deg/s" in titles
     angles, sticks, *_ = found
-    assert [line.label for line in angles.lines] == list(ANGLES)
+    assert [line.label for line in angles.lines] == [f"{name}_deg" for name in ANGLES]
     assert np.allclose(angles.lines[0].values, np.degrees(0.2)) and np.allclose(angles.lines[1].values, 0.0)
     assert {line.label: float(line.values[0]) for line in sticks.lines} == {"throttle": 50.0, "roll": -50.0}
     assert {plot.title for plot in found if plot.folded} == {"Raw counts", "command_switches", "flags"}
@@ -48,7 +56,7 @@ def test_angles_and_sticks_stand_first_and_integers_are_folded() -> None:
 
 
 def test_a_folded_panel_is_in_the_page_and_closed() -> None:
-    html = page("t", "", "", panels(flown(), declarations.system(systems.with_part("fly")[0])))
+    html = page("t", "", "", panels(flown(), declarations.system(FLYING)))
     assert html.count("<details><summary>") == 3 and "<details><summary>Raw counts</summary>" in html
 
 

@@ -17,7 +17,8 @@ from plumb.errors import UsageError
 from plumb.proof.scenario_run import ScenarioRun
 from plumb.readers import log_replay, recording
 from plumb.readers.log_replay import RecordedRun
-from plumb.readers.step_table import Column, table_of
+from plumb.readers.step_table import table_of
+from plumb.readers.table_column import Column
 from plumb.spec.arrays import FloatArray
 from plumb.tuning import quantities
 from plumb.tuning.quantities import Value
@@ -35,9 +36,10 @@ class LoggedRun(Recording):
         step: Numbers of the steps, (N,); `time_s` counts their periods from the beginning of the run.
         digest: CRC-32 of the words of each step, (N,), 0 where it did not arrive.
         armed: Steps during which the board was armed, (N,) bool.
-        signals: Every recorded signal by name with unit, (N,) float64, NaN where it did not arrive: raw counts, sensors
-            in units, the signals of the system. A mapping; the names in SI work, too, every name is an attribute as
-            well, and an attitude has roll, pitch and yaw (plumb.api.signals).
+        signals: Every signal by name with unit, (N,) float64: raw counts, sensors in units, the signals of the system,
+            motors and sticks in per cent. Those that the link had no room for are calculated from the raw counts; NaN
+            where a value did not arrive and cannot be calculated. A mapping; the names in SI work, too, every name is
+            an attribute as well, and an attitude has roll, pitch and yaw (plumb.api.signals).
         units: The unit of each signal; "" for a number without one.
         parameters: The parameters at the beginning of the run, in units, as `board.params` names them.
         changes: For each step from which on the run had other parameters, what changed, in units.
@@ -79,7 +81,7 @@ def load_run(path: Path, number: int | None, params: Path | None) -> LoggedRun:
     given = None if params is None else parameter_file.read(params).values
     log = log_replay.open_log(path)
     recorded = log_replay.chosen(log_replay.runs_of(log, given), number)
-    columns = {column.name: column for column in table_of(recorded)}
+    columns = {column.name: column for column in table_of(recorded) if not column.texts}
     run, steps = recorded.run, recorded.run.steps
     signals = {name: _floats(column) for name, column in columns.items() if name not in _NO_SIGNALS}
     return LoggedRun(

@@ -5,7 +5,8 @@
 
 The suffix of a file names its format:
 
-    .csv .parquet              one row a step: time_s, digest, raw counts, sensors and signals in the units of the names
+    .csv .parquet              one row a step, with the units in the names: angles, motors in per cent, phase in words,
+                               raw counts, sensors, and every signal of the system
     .blf .asc .log .trc        every frame, for CAN tools (.log is candump's)
     .mf4                       every frame, the DBC, and the signals in units, for ASAM tools
     .html                      the report: the signals over time, and what they were recorded with

@@ -28,7 +28,8 @@ from plumb.files.block_file import exists_sentence
 from plumb.link import foreign_frames, frame_records
 from plumb.readers.log_file import ERROR, EXTENDED, REMOTE, Log
 from plumb.readers.log_replay import RecordedRun
-from plumb.readers.step_table import Column, table_of
+from plumb.readers.step_table import table_of, tables_of
+from plumb.readers.table_column import Column
 from plumb.spec import dbc
 from plumb.writers import blackbox_csv, record_report
 
@@ -154,13 +155,13 @@ def _tables(recorded: RecordedRun, what: str) -> Iterator[list[Column]]:
 
     rows = recorded.run.steps
     with tqdm(total=rows, desc=what, unit="step", leave=False, disable=None if rows > BAR_ROWS else True) as bar:
-        for part in recorded.run.parts():
-            yield table_of(recorded, part)
-            bar.update(len(part))
+        for columns in tables_of(recorded):
+            yield columns
+            bar.update(len(columns[0].values))
 
 
 def _write_csv(recorded: RecordedRun, path: Path, _about: dict[str, object]) -> None:
-    """One row a step; a value that was not received is an empty cell."""
+    """One row a step; a value that is not known is an empty cell."""
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         for number, columns in enumerate(_tables(recorded, "csv")):
@@ -179,6 +180,8 @@ def _cells(column: Column) -> list[str]:
 
 
 def _format_of(column: Column) -> Callable[[float], str]:
+    if column.texts:
+        return lambda value: column.texts.get(int(value), str(value))
     if column.name == "digest":
         return lambda value: f"{int(value):08x}"
     if column.name == "time_s":
@@ -187,7 +190,7 @@ def _format_of(column: Column) -> Callable[[float], str]:
 
 
 def _write_parquet(recorded: RecordedRun, path: Path, said: dict[str, object]) -> None:
-    """One row a step, null where a value was not received; units in the metadata of the columns, identity and
+    """One row a step, null where a value is not known; units in the metadata of the columns, identity and
     parameters in that of the file, as JSON under `plumb`."""
     import pyarrow as arrow
     from pyarrow import parquet
@@ -195,7 +198,10 @@ def _write_parquet(recorded: RecordedRun, path: Path, said: dict[str, object]) -
     with contextlib.ExitStack() as stack:
         writer = None
         for columns in _tables(recorded, "parquet"):
-            arrays = [arrow.array(one.values, mask=None if one.known is None else ~one.known) for one in columns]
+            arrays = [
+                arrow.array(_cells(one) if one.texts else one.values, mask=None if one.known is None else ~one.known)
+                for one in columns
+            ]
             if writer is None:
                 described = [
                     arrow.field(one.name, array.type, metadata={"unit": one.unit})
@@ -259,4 +265,17 @@ def _signal_groups(recorded: RecordedRun, start_us: int) -> Iterator[tuple[str, 
         group = [column for column in columns[1:] if column.frame == frame]
         known = np.logical_and.reduce([run.digest_known, *(one.known for one in group if one.known is not None)])
         times_s = columns[0].values[known] + begin_s
-        yield frame or "step", [Signal(one.values[known], times_s, name=one.name, unit=one.unit) for one in group]
+        signals = [
+            Signal(one.values[known], times_s, name=one.name, unit=one.unit, conversion=_conversion(one))
+            for one in group
+        ]
+        yield frame or "step", signals
+
+
+def _conversion(column: Column) -> dict[str, object] | None:
+    """From values to words, as asammdf takes it."""
+    if not column.texts:
+        return None
+    pairs = list(enumerate(column.texts.items()))
+    values = {f"val_{index}": value for index, (value, _) in pairs}
+    return {**values, **{f"text_{index}": text for index, (_, text) in pairs}, "default": ""}

@@ -12,23 +12,24 @@ from plumb.errors import counted
 from plumb.proof import run_identity
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot, Statement, page
 from plumb.readers.log_replay import RecordedRun
-from plumb.readers.step_table import Column, table_of
+from plumb.readers.step_quantities import MOTORS, STICKS
+from plumb.readers.step_table import table_of
+from plumb.readers.table_column import Column
 from plumb.spec import declarations
-from plumb.spec.quaternion_angles import ANGLES
 from plumb.spec.system import System
 
 ROWS_MAX = 500_000
 """Steps that the page shows, the first ones: 17 minutes at 500 Hz. The log has all."""
 COLOURS = (ESTIMATE, SECOND, SENSOR, "#1a8f7a", "#8a63d2", "#c2578f")
 """Colours of the lines of one panel, in their order. Each is distinct from the background in light and in dark mode."""
-STICKS, SHARES = "Sticks", "Shares"
-"""Titles of panels; a share is a signal without a unit, such as the duty of a motor."""
-QUATERNION = ("w", "x", "y", "z")
-"""Columns of an attitude."""
+SHARES = "Shares"
+"""Title of a panel of signals without a unit."""
+TITLES = {STICKS: "Sticks", MOTORS: "Motors"}
+"""Group of columns -> title of their panel."""
 NOT_DRAWN = ("time_s", "step", "digest", "armed")
 
 
-RANKS = ("deg", "m", "m/s", STICKS, "deg/s")
+RANKS = ("deg", "m", "m/s", *TITLES.values(), "deg/s")
 """Units and titles of the first panels, the most wanted first."""
 
 
@@ -40,62 +41,42 @@ class Compared:
     text: str
 
 
-def _angles(columns: Sequence[Column]) -> list[Column]:
-    """Roll, pitch and yaw in deg of an attitude quaternion among the columns; none without one."""
-    known = {column.name: column for column in columns}
-    parts = [known.get(name) for name in QUATERNION]
-    found = [part for part in parts if part is not None]
-    if len(found) < len(parts):
-        return []
-    w, x, y, z = (part.values.astype(np.float64) for part in found)
-    came = np.all([np.ones(len(w), np.bool_) if part.known is None else part.known for part in found], axis=0)
-    return [Column(name, "deg", np.degrees(angle(w, x, y, z)), came, found[0].frame) for name, angle in ANGLES.items()]
-
-
-def _sticks(columns: Sequence[Column], declared: System) -> list[Column]:
-    """Setpoint and commands that are shares, in per cent."""
-    shares = {f"command_{command.name}": command.name for command in declared.step_commands if command.format == "Q15"}
-    setpoint = declared.setpoint
-    if setpoint.format == "Q15" and not setpoint.unit:
-        shares["setpoint"] = setpoint.name.removeprefix("setpoint_").removesuffix("_q15")
-    return [
-        replace(column, name=shares[column.name], unit="%", values=np.asarray(column.values / 327.68, np.float64))
-        for column in columns
-        if column.name in shares
-    ]
-
-
 def _line(index: int, column: Column) -> Line:
     values = column.values.astype(np.float64)
     if column.known is not None:
         values = np.where(column.known, values, np.nan)
-    return Line(column.name, values, COLOURS[index % len(COLOURS)])
+    return Line(_label(column), values, COLOURS[index % len(COLOURS)])
+
+
+def _label(column: Column) -> str:
+    """The name of a line; a stick and a motor without the words that title and unit of their panel say."""
+    plain = column.name.removeprefix("stick_").removeprefix("motor_").removesuffix("_pct")
+    return plain if column.frame in TITLES else column.name
 
 
 def panels(columns: Sequence[Column], declared: System) -> list[Plot]:
     """A panel for each unit, the angles first; then one for each choice, with its values in words. Folded behind them:
     the raw counts, and the integers and shares that stand in other panels."""
     time_s = np.asarray(columns[0].values, np.float64)
-    angles, sticks = _angles(columns), _sticks(columns, declared)
-    drawn = {*NOT_DRAWN, *(QUATERNION if angles else ())}
+    replaced = {name for column in columns for name in column.replaces}
     choices = {word.name: word.choices for word in declared.words if word.choices}
-    groups: dict[tuple[str, str], list[Column]] = {("Signals in deg", "deg"): angles, (STICKS, "%"): sticks}
+    groups: dict[tuple[str, str], list[Column]] = {}
     for column in columns:
-        if column.name in drawn or (column.name == "setpoint" and (sticks or not column.values.any())):
+        if column.name in NOT_DRAWN or column.name in replaced or column.texts:
             continue
-        if column.name.startswith("command_") and column.name.removeprefix("command_") in {one.name for one in sticks}:
+        if column.name == "setpoint" and not column.values.any():
             continue
         sensed = column.unit and not column.frame
         kind = "Raw counts" if column.unit == "counts" else f"Sensors in {column.unit}" if sensed else ""
         share = not column.unit and column.values.dtype.kind == "f"
         title = kind or (f"Signals in {column.unit}" if column.unit else SHARES if share else column.name)
-        groups.setdefault((title, column.unit), []).append(column)
+        groups.setdefault((TITLES.get(column.frame, title), column.unit), []).append(column)
     found = []
     for (title, unit), of in groups.items():
         words = "; ".join(f"{value}: {text}" for value, text in choices.get(title, {}).items())
         integers = unit == "counts" or (not unit and not words and all(one.values.dtype.kind in "iu" for one in of))
         lines = [_line(index, column) for index, column in enumerate(of)]
-        found += [Plot(title, unit, time_s, lines, words, folded=integers)] if of else []
+        found.append(Plot(title, unit, time_s, lines, words, folded=integers))
     return sorted(found, key=_rank)
 
 
