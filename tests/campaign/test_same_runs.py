@@ -35,6 +35,7 @@ FAULTS = [
     {"system": "quadrotor", "scenario": "gust", "faults": ["flickering:accel_x@8-10", "stuck:gyro_z@9.5-10"]},
     {"system": "quadrotor", "scenario": "weak", "faults": ["missing:gyro_x@9.2-9.3", "amplified:gyro_y@10"]},
     {"system": "quadrotor", "scenario": "kick", "faults": ["stuck:accel_x@8", "noisy:gyro_x@9-10"], "open_loop": True},
+    {"system": "quadrotor", "scenario": "gust", "vary": {"tuning.period_us": [1000]}},
     {"system": "wheels", "scenario": "turns", "faults": ["stuck:left@8-9", "noisy:right@9", "stuck:accel_x@10"]},
     {"system": "wheels", "scenario": "receiver", "faults": ["silent:gyro_up@7", "railed:accel_z@8-8.1"]},
     {"system": "quad", "scenario": "hold", "faults": ["stuck:gyro@4-6", "push:0.2@7-7.2", "push:0.1@7.1-8"]},
@@ -63,7 +64,7 @@ def test_digests_are_those_of_plumb_run(table: dict[str, object]) -> None:
     compare(from_table({**table, "seconds": 6, "runs": 40}), 7)
 
 
-@pytest.mark.parametrize("table", FAULTS, ids=lambda table: f"{table['system']} {table['faults']}")
+@pytest.mark.parametrize("table", FAULTS, ids=lambda table: " ".join(map(str, table.values())))
 def test_faults_and_conditions_are_those_of_plumb_run(table: dict[str, object]) -> None:
     compare(from_table({**table, "seconds": 12, "runs": 40}), 3)
 

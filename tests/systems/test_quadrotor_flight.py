@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from plumb.boards.fixed import FixedBoard
+from plumb.boards.native import NativeBoard
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
-from plumb.judging.quadrotor import loops
+from plumb.judging.quadrotor import loops, plots
 from plumb.judging.quadrotor.flown import Flown, fly
 from plumb.physics.airframe import HUMMINGBIRD_X
 from plumb.physics.sensors import Fault
@@ -162,8 +163,18 @@ def test_the_plant_gives_the_receivers_throttle_and_switches() -> None:
 
 
 def test_periods_are_whole_steps_of_the_physics() -> None:
-    with pytest.raises(UsageError, match="steps of 1250 us"):
-        scenarios.scenario("calm", 1, period_us=3000)
+    with pytest.raises(UsageError, match="steps of 1250 or 1000 us"):
+        scenarios.scenario("calm", 1, period_us=1_100)
+
+
+def test_it_flies_with_steps_of_a_millisecond() -> None:
+    run = scenarios.scenario("calm", 1000, seconds=12.0, period_us=1_000)
+    tuning = replace(scenarios.HUMMINGBIRD, period_us=1_000)
+    done = closed_loop(NativeBoard(), run, quantise.quantise(run.fit(tuning)))
+    figures = plots.metrics(done)
+    flown_deg, *heights_m = (figures[name] or 0.0 for name in ("flown_rmse_deg", "height_least_m", "height_most_m"))
+    assert 0.0 < flown_deg < 1.0
+    assert 29.9 < min(heights_m) <= max(heights_m) < 30.1
 
 
 def test_the_roll_loop_has_its_margins(tmp_path_factory: pytest.TempPathFactory) -> None:

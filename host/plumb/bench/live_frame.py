@@ -54,14 +54,17 @@ def _exception_cycles(machine: Machine) -> float:
     return (machine.awake_ticks() - cpu.instructions * cpu.instruction_ticks) / machine.rcc.hclk_ticks
 
 
-def live_frame(system: str) -> LiveFrame:
-    """Measure a system that a pilot steers, on its own image. Raises UsageError without that image, LinkError when it
-    does not arm."""
+def live_frame(system: str, period_us: int | None = None) -> LiveFrame:
+    """Measure a system that a pilot steers, on its own image, at the period of its tuning or another.
+
+    Raises UsageError without that image, LinkError when it does not arm.
+    """
     image = named_image(system)
     elf = Image(image.with_suffix(".elf"))
-    scene = driving(system, RECEIVER, image)
+    scene = driving(system, RECEIVER, image, period_us=period_us)
     try:
-        machine, period_us = scene.machine, systems.load(system).TUNINGS[scene.live.TUNING].period_us
+        machine = scene.machine
+        period_us = period_us or systems.load(system).TUNINGS[scene.live.TUNING].period_us
         before, awake = _exception_cycles(machine), machine.awake_ticks()
         trace = InstructionTrace(machine)
         scene.run((FRAMES + 2) * period_us * 1e-6)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
@@ -27,6 +27,7 @@ from plumb.flash.elf import Elf, Symbol
 from plumb.flash.image import find_image
 from plumb.link import parameter_table
 from plumb.link.identity import Identity
+from plumb.link.monitor import selection
 from plumb.link.session import Session
 from plumb.proof.faults import pilot
 from plumb.proof.faults.pilot import PILOT, RIDER, Pilot, flies, rides
@@ -278,16 +279,20 @@ def driving(
     image: Path | None = None,
     scenario_name: str = "",
     changes: Mapping[str, int] = MappingProxyType({}),
+    period_us: int | None = None,
 ) -> Scene:
     """A system with its plant on the pins of the virtual board, running over `link` for DRIVING_S; one that drives
     something is armed, by the host over that link, or with RECEIVER by its pilot.
 
     The plant runs the scenario, by default that of a served board, in closed loop. changes: words of the
-    parameter table that replace those of the scenario. Raises LinkError with the board's reason when it does not arm
+    parameter table that replace those of the scenario. period_us: another period than the tuning's, at which the board
+    sends the frames that its UART has room for. Raises LinkError with the board's reason when it does not arm
     within ARMING_S.
     """
     system, parts = systems.load(name), systems.load(name, PINS)
-    tuning = system.TUNINGS[parts.TUNING]
+    tuning, frames = system.TUNINGS[parts.TUNING], parts.FRAMES
+    if period_us is not None:
+        tuning, frames = replace(tuning, period_us=period_us), selection(period_us, name)
     scenario = system.scenario(scenario_name or parts.SCENARIO, SEED, period_us=tuning.period_us)
     by_pilot = link == RECEIVER
     board = VirtualBoard(image, link="serial" if by_pilot else link)
@@ -301,7 +306,7 @@ def driving(
         scene = Scene(name, link, board, coupling, image)
         board.machine.uart.timeout = LISTEN_S
         board.machine.advance_us(plant_on_pins.FOUND_US)
-        session.begin("REALTIME_LIVE", frames=parts.FRAMES)
+        session.begin("REALTIME_LIVE", frames=frames)
         if by_pilot:
             arm_by_receiver(scene)
         elif system.OUTPUT_FRAMES:

@@ -40,11 +40,15 @@ def drawn(scenario: Scenario, *, open_loop: bool) -> DrawnRun:
     return DrawnRun(numbers, _signals(scenario, begins), scenario.faults, scenario.steps)
 
 
+def _sub_step_s(begins: Vehicles) -> float:
+    return vehicle.sub_step_us(round(begins.period_s * 1e6)) * 1e-6
+
+
 def _times(begins: Vehicles) -> Mapping[str, float]:
     return {
         "period_s": begins.period_s,
-        "sub_step_s": vehicle.SUB_STEP_S,
-        "sub_steps": float(round(begins.period_s / vehicle.SUB_STEP_S)),
+        "sub_step_s": _sub_step_s(begins),
+        "sub_steps": float(round(begins.period_s / _sub_step_s(begins))),
         "rest_s": courses.REST_S,
         "acts_s": begins.course.acts_s,
         "sag_s": courses.SAG_S,
@@ -59,8 +63,8 @@ def _frame(begins: Vehicles) -> Mapping[str, float]:
         "speed_max_radps": frame.speed_max_radps,
         "rotor_drag_kg": frame.rotor_drag_kg,
         "rolling_moment_kgm": frame.rolling_moment_kgm,
-        "rises": -math.expm1(-vehicle.SUB_STEP_S / frame.lag_up_s),
-        "falls": -math.expm1(-vehicle.SUB_STEP_S / frame.lag_down_s),
+        "rises": -math.expm1(-_sub_step_s(begins) / frame.lag_up_s),
+        "falls": -math.expm1(-_sub_step_s(begins) / frame.lag_down_s),
         "drag_kgpm": -0.5 * airframe.AIR_KGPM3 * frame.drag_area_m2,
         "drag_above_m": frame.drag_above_m,
         "hover_radps": frame.hover_radps,

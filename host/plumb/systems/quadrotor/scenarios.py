@@ -15,7 +15,6 @@ import numpy as np
 
 from plumb.contract.disturbance import Request
 from plumb.contract.scenario import Plant
-from plumb.errors import UsageError
 from plumb.physics.airframe import HUMMINGBIRD_X
 from plumb.physics.imu import DRAWS, MPU6050, TWO_CHIPS
 from plumb.physics.sensors import DIGITAL_FAULT_KINDS, DIGITAL_FAULT_NOTES, Fault, fault_of
@@ -25,12 +24,12 @@ from plumb.systems.quadrotor.drawn_run import Scenario
 from plumb.systems.quadrotor.frame_tuning import rates_of
 from plumb.systems.quadrotor.plant import QuadrotorPlant
 from plumb.systems.quadrotor.tuning import QuadrotorTuning
+from plumb.systems.quadrotor.vehicle import sub_step_us
 from plumb.systems.random_events import EVENTS_ALL, EVENTS_NOTE, RANDOM, check_conditions
 from plumb.systems.run_length import length_s
 
 PERIOD_US = 2_500
-PERIODS_US = (1_250, 5_000)
-SUB_STEP_US = 1_250
+PERIODS_US = (1_000, 5_000)
 FRAME = HUMMINGBIRD_X
 UNSURE_DEG = 10.0
 """Beyond this standard deviation of the tilt the error of the vertical asks for slow rates alone."""
@@ -121,8 +120,7 @@ def scenario(
     errors of the sensors (18), headings of nose and wind (2), phases of the rotors (4), gusts at the start (5), sticks
     (1200, 2), noise (steps, 9), fault noise (6, steps). When the events come: plumb.systems.random_events.later_s.
     """
-    if period_us % SUB_STEP_US:
-        raise UsageError(f"the physics take steps of {SUB_STEP_US} us: a period is a whole number of them")
+    sub_step_us(period_us)
     seconds = length_s("quadrotor", name, SECONDS, seconds, period_us, PERIODS_US, seed)
     flown = _drawn(name, seed, round(seconds * 1e6 / period_us), period_us, faults)
     check_conditions(name, events, plain_frame)

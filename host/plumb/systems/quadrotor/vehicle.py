@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from plumb.errors import UsageError
 from plumb.physics import pilots
 from plumb.physics.airframe import G_MPS2, Airframe, command_for
 from plumb.physics.cascade import Cascade
@@ -26,14 +27,24 @@ from plumb.physics.wind import Wind
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.systems.quadrotor import courses
 
-SUB_STEP_S, DELAY_STEPS = 0.00125, 2
-"""Steps of the physics, and the delay of a command in them: 2 ms of the ESC and half a millisecond of computing."""
+SUB_STEPS_US, DELAY_STEPS = (1250, 1000), 2
+"""Steps of the physics: the first of which a period is a whole number. The delay of a command in them: 2 ms of the ESC,
+and half a millisecond of computing in the longer one."""
 FULL_Q15, PLACE_SUM_MOST_MS = 32767, 30.0
 STICK_LEAN, STICK_RATE_DPS, STICK_YAW_DPS = math.sin(math.radians(35.0)), 400.0, 180.0
 """What a pilot takes a full stick for: sine of a lean, and rates."""
 ROTORS_ON, MODE_RATE = 1, 2
 FRAME_S, NUMBERS = 1.0 / 150.0, 255
 """The receiver gets 150 frames a second (CRSF), numbered 1 to 255 in a circle."""
+
+
+def sub_step_us(period_us: int) -> int:
+    """The step of the physics in a period. Raises UsageError for a period that is no whole number of one."""
+    for step_us in SUB_STEPS_US:
+        if period_us % step_us == 0:
+            return step_us
+    steps = " or ".join(map(str, SUB_STEPS_US))
+    raise UsageError(f"the physics take steps of {steps} us: a period is a whole number of them")
 
 
 class Drawn(Protocol):
@@ -138,12 +149,13 @@ class Vehicles:
             self._waiting.extend([hover] * DELAY_STEPS)
             command = hover
         wind_mps, supply = self.wind_mps(at_s), self._happens(at_s)
-        steps = round(self.period_s / SUB_STEP_S)
+        sub_step_s = sub_step_us(round(self.period_s * 1e6)) * 1e-6
+        steps = round(self.period_s / sub_step_s)
         force, rate = np.zeros((3, self.runs)), np.zeros((3, self.runs))
         for _ in range(steps):
             self._waiting.append(command)
             target = body.target_radps(self._waiting[0], supply)
-            force += body.advance(target, wind_mps, SUB_STEP_S, self.ground if course.lands else None)
+            force += body.advance(target, wind_mps, sub_step_s, self.ground if course.lands else None)
             rate += body.rate_radps
         self._felt = np.degrees(rate) / steps, force / (G_MPS2 * steps)
 
