@@ -23,6 +23,7 @@ from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.mavlink import MAVLINK
 from plumb.writers.mavlink_stream import MavlinkStream
+from support import mavlink_by_hand
 from support.native_board import UartBoard
 
 BODY, VEHICLE = "attitude", "quadrotor"
@@ -170,6 +171,59 @@ def test_a_vehicle_that_leans_and_turns(station: Any) -> None:
     assert math.degrees(attitude.pitch) == pytest.approx(-10.0) and math.isnan(attitude.pitchspeed)
     assert math.degrees(attitude.yawspeed) == pytest.approx(-20.0)
     assert [channels.chan1_raw, channels.chan3_raw, channels.chan4_raw, channels.chan5_raw] == [1750, 1000, 1375, 2000]
+    stream.close()
+
+
+@pytest.fixture
+def listener() -> Iterator[socket.socket]:
+    """A port that receives bytes, without pymavlink."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(5.0)
+        yield receiver
+
+
+QUADROTOR_TYPE, ROVER_TYPE, ARMED_FLAG = 2, 10, 128
+"""MAV_TYPE_QUADROTOR, MAV_TYPE_GROUND_ROVER, MAV_MODE_FLAG_SAFETY_ARMED."""
+LEANING = {"w": math.cos(0.1), "x": math.sin(0.1), "y": 0.0, "z": 0.0}
+FLOWN = {**LEANING, **{f"pulse_{rotor}_us": 1200.0 + 100.0 * rotor for rotor in range(4)}}
+RIDDEN = {"tilt_deg": 10.0, "left": 0.5, "right": -0.25}
+
+
+@pytest.mark.parametrize(
+    ("system", "columns", "armed", "kind", "roll", "pitch", "pulses"),
+    [
+        ("quadrotor", FLOWN, True, QUADROTOR_TYPE, 0.2, 0.0, [1200, 1300, 1400, 1500]),
+        ("quadrotor", FLOWN, False, QUADROTOR_TYPE, 0.2, 0.0, [1000, 1000, 1000, 1000]),
+        ("wheels", RIDDEN, True, ROVER_TYPE, 0.0, -math.radians(10.0), [1750, 1375]),
+        ("wheels", RIDDEN, False, ROVER_TYPE, 0.0, -math.radians(10.0), [1500, 1500]),
+    ],
+)
+def test_the_bytes_say_kind_arming_attitude_battery_and_outputs(
+    listener: socket.socket, system: str, columns: dict[str, float], armed: bool, kind: int, roll: float, pitch: float,
+    pulses: list[int],
+) -> None:  # fmt: skip
+    """Read by a parser written from MAVLink's documents."""
+    stream = MavlinkStream(listener.getsockname(), system, systems.load(system, MAVLINK))
+    stream.show(snapshot(time_s=1.5, armed=armed, battery_v=11.1, battery_a=2.5, **columns))
+    came = [mavlink_by_hand.message(listener.recv(300)) for _ in range(4)]
+    stream.close()
+    assert [(one.system, one.component, one.sequence) for one in came] == [(1, 1, number) for number in range(4)]
+    said = {one.name: one.fields for one in came}
+    beat, status, attitude, servos = (
+        said[name] for name in ("HEARTBEAT", "SYS_STATUS", "ATTITUDE", "SERVO_OUTPUT_RAW")
+    )
+    assert (beat["type"], beat["base_mode"]) == (kind, ARMED_FLAG if armed else 0)
+    assert (status["voltage_battery"], status["current_battery"]) == (11100, 250)
+    assert (attitude["roll"], attitude["pitch"]) == pytest.approx((roll, pitch), abs=1e-6)
+    assert attitude["time_boot_ms"] == 1500 and servos["time_usec"] == 1_500_000
+    assert [servos[f"servo{number}_raw"] for number in range(1, 9)] == [*pulses, *(0,) * (8 - len(pulses))]
+
+
+def test_outputs_are_not_sent_while_one_of_them_is_not_received(listener: socket.socket) -> None:
+    stream = MavlinkStream(listener.getsockname(), VEHICLE, systems.load(VEHICLE, MAVLINK))
+    stream.show(snapshot(armed=True, **{**FLOWN, "pulse_2_us": None}))
+    assert stream.sent == {"HEARTBEAT": 1, "SYS_STATUS": 1, "ATTITUDE": 1}
     stream.close()
 
 

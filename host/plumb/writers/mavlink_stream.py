@@ -4,6 +4,7 @@ HEARTBEAT     once a second: kind of vehicle, armed or not, state
 SYS_STATUS    once a second: sensors, voltage and current of a declared battery, counters of the link
 ATTITUDE      with every look: angles, and rates where they are received
 RC_CHANNELS   with every look: the sticks that the newest step used, of a system with a pilot
+SERVO_OUTPUT_RAW  with every look: the outputs as pulses, of a system that moves something and sends them all
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ from plumb.link.datagrams import Datagrams
 from plumb.link.endpoint_names import quoted
 from plumb.link.monitor import Snapshot
 from plumb.link.selection import RAW_FRAMES
-from plumb.spec import declarations
+from plumb.spec import dbc, declarations
 from plumb.spec.protocol import Frame, protocol
-from plumb.systems.mavlink import MavlinkVehicle
+from plumb.spec.signals import signals
+from plumb.spec.system import System
+from plumb.systems.mavlink import HALF_US, LOW_US, MIDDLE_US, MavlinkVehicle
 
 SYSTEM_ID, COMPONENT_ID = 1, 1
 EVERY_S = 1.0
@@ -30,6 +33,8 @@ CHANNELS = 18
 NO_CHANNEL = NO_VOLTAGE = 0xFFFF
 NO_CURRENT = NO_BATTERY = -1
 NO_RSSI = 0xFF
+SERVOS = 8
+"""Outputs of one SERVO_OUTPUT_RAW."""
 MOST = 0xFFFF
 
 
@@ -65,6 +70,7 @@ class MavlinkStream:
         self._datagrams = Datagrams(*target)
         self._file = None if tlog is None else _new_file(tlog)
         self._declared, self._vehicle = declarations.system(system), vehicle
+        self._output_columns = output_columns(self._declared)
         self._inputs: dict[str, int] = {}
         self._setpoint: int | None = None
         self._next_s = float("-inf")
@@ -86,9 +92,15 @@ class MavlinkStream:
             self._next_s = time_s + EVERY_S
             self._heartbeat(snapshot)
             self._status(snapshot)
-        if self._vehicle is None or snapshot["step"] is None:
+        if snapshot["step"] is None:
             return
         boot_ms = round(time_s * 1e3) & 0xFFFFFFFF
+        pulses = self._outputs(snapshot)
+        if pulses:
+            whole = [*pulses, *(0,) * (SERVOS - len(pulses))]
+            self._send(self._packer.servo_output_raw_encode(round(time_s * 1e6) & 0xFFFFFFFF, 0, *whole))
+        if self._vehicle is None:
+            return
         attitude = self._vehicle.attitude(snapshot)
         if attitude is not None:
             self._send(self._packer.attitude_encode(boot_ms, *attitude))
@@ -101,6 +113,18 @@ class MavlinkStream:
         self._datagrams.close()
         if self._file is not None:
             self._file.close()
+
+    def _outputs(self, snapshot: Snapshot) -> list[int]:
+        """Pulses in us, of a duty 1500 and 500 for the full one. While the board is disarmed nothing turns, whatever
+        the step asks for. [] while one of them is not received."""
+        values = [snapshot.get(column) for column, _ in self._output_columns]
+        found = []
+        for value, (_, rest_us) in zip(values, self._output_columns, strict=True):
+            if value is None:
+                return []
+            pulse_us = value if rest_us == LOW_US else MIDDLE_US + HALF_US * value
+            found.append(round(pulse_us if snapshot["armed"] else rest_us))
+        return found
 
     def _commands(self) -> dict[str, int]:
         """The commands that the newest step used; {} where the run does not send them."""
@@ -151,6 +175,21 @@ class MavlinkStream:
             self._file.write(struct.pack(">Q", round(time.time() * 1e6)) + data)
         name = str(message.get_type())
         self.sent[name] = self.sent.get(name, 0) + 1
+
+
+def output_columns(declared: System) -> list[tuple[str, float]]:
+    """The columns that drive the outputs, in their order, with the pulse of an output at rest, us: LOW_US of a column
+    of pulses, MIDDLE_US of one of duties. [] for a system without an output, or whose frames do not carry them all."""
+    columns = {key: column for key, column, _ in signals(declared.name)}
+    carried = {
+        part.word.name: columns[dbc.frame_name(declared, frame), part.name]
+        for frame in declared.frames
+        for part in (frame.half, frame.word)
+        if part is not None
+    }
+    if not all(word.name in carried for word in declared.output_words):
+        return []
+    return [(carried[word.name], LOW_US if word.unit == "us" else MIDDLE_US) for word in declared.output_words]
 
 
 def _count(value: Any) -> int:  # Any: of a snapshot
