@@ -91,3 +91,18 @@ def test_what_was_taken_comes_first(tmp_path: Path, capsys: pytest.CaptureFixtur
     ]
     front.main(["check", str(path), *options, "--json"])
     assert json.loads(capsys.readouterr().out)["taken"][0] == "table, header in line 2, separator semicolon"
+
+
+@pytest.mark.parametrize("rows", [*range(2, 8), *range(18, 40)])
+def test_a_file_of_a_few_rows_is_audited_as_far_as_it_goes(
+    rows: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = saved(tmp_path, in_the_hand(3, 100.0, 25.0).rows(np.arange(rows)))
+    assert front.main(["check", path]) == 0
+    assert f"{rows} samples" in capsys.readouterr().out
+
+
+def test_a_file_of_one_row_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = saved(tmp_path, in_the_hand(3, 100.0, 25.0).rows(np.arange(1)))
+    assert front.main(["check", path]) == 2
+    assert "has 1 sample: an audit needs two" in capsys.readouterr().err

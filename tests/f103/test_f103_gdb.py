@@ -18,7 +18,7 @@ pytest.importorskip("unicorn")
 from unicorn import UC_HOOK_CODE, UC_HOOK_MEM_WRITE
 
 from plumb import f103
-from plumb.errors import LinkError
+from plumb.errors import LinkError, UsageError
 from plumb.f103.core.bus import SimulationError
 from plumb.f103.debug_hold import REGISTERS
 from plumb.f103.gdb_description import PACKET_BYTES
@@ -448,6 +448,12 @@ def test_a_taken_port_is_one_sentence(board: NewBoard) -> None:
     with pytest.raises(LinkError, match=f"port {server.port} of 127.0.0.1.*choose another port"):
         GdbServer(server.port)
     server.close()
+
+
+@pytest.mark.parametrize("port", [-1, 65536, 10**17])
+def test_a_number_that_is_no_port_is_wrong_use(port: int) -> None:
+    with pytest.raises(UsageError, match=f"port {port}: give a number up to 65535, or 0$"):
+        GdbServer(port)
 
 
 def test_snapshots_leave_the_debugger_where_it_is(board: NewBoard, said: list[str]) -> None:

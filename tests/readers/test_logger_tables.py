@@ -164,3 +164,26 @@ def test_what_is_no_table_is_one_sentence(tmp_path: Path, content: bytes, senten
     path.write_bytes(content)
     with pytest.raises(UsageError, match=sentence):
         read(path)
+
+
+def test_a_column_that_is_not_there_is_named_and_never_replaced(tmp_path: Path) -> None:
+    path = written(tmp_path, PLAIN + "\n" + rows(["0", "0.01", "0.02"]))
+    with pytest.raises(UsageError, match=r"line 1 has no column 'wx' that --columns names; its columns are 'time_s',"):
+        read(path, given=parse(None, "gyr=wx wy wz", None))
+    check(path, given=parse(None, "gyr=gyr_x_dps gyr_y_dps gyr_z_dps", None))
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        (",".join(["0,5"] * 7), "line 2 has 14 values below a header of 7 columns; commas in numbers"),
+        ("0,1,2,3,4,5,6,7", "line 2 has 8 values below a header of 7 columns; a name is missing"),
+    ],
+)
+def test_a_row_that_is_wider_than_its_header_is_refused(tmp_path: Path, line: str, sentence: str) -> None:
+    with pytest.raises(UsageError, match=sentence):
+        read(written(tmp_path, f"{PLAIN}\n{line}\n{line}\n"))
+
+
+def test_a_separator_at_the_end_of_the_rows_changes_nothing(tmp_path: Path) -> None:
+    check(written(tmp_path, PLAIN + "\n" + rows(["0", "0.01", "0.02"]).replace("\n", ",,\n")))

@@ -64,6 +64,8 @@ def of_columns(name: str, columns: Mapping[str, FloatArray]) -> Samples:
     two samples. name: of the file."""
     time_s, gyr, acc = columns["time_s"], columns["gyr"], columns["acc"]
     n = len(time_s) if time_s.ndim == 1 else -1
+    if n in (0, 1):
+        raise UsageError(f"{name} has {n} sample{'s' * (n == 0)}: an audit needs two, and tells more from a minute")
     if n < 2 or gyr.shape != (n, 3) or acc.shape != (n, 3):
         raise UsageError(f"{name}: gyr {gyr.shape} and acc {acc.shape} are not (N, 3) beside {max(n, 0)} time stamps")
     shapes = {"ref_quat": (n, 4), "mag": (n, 3), "movement": (n,)}

@@ -9,13 +9,14 @@ Protocol" in the manual of gdb.
 
 from __future__ import annotations
 
+import os
 import re
 import select
 import socket
 import time
 from collections.abc import Callable
 
-from plumb.errors import LinkError
+from plumb.errors import LinkError, UsageError
 from plumb.f103.debug_hold import ACCESS, REGISTERS, WATCHED, Chip, DebugHold, Point, Stop
 from plumb.f103.gdb_description import PACKET_BYTES, SIMPLE, memory_map_xml, target_xml, unescaped
 from plumb.f103.gdb_monitor import answer
@@ -100,7 +101,8 @@ class _Line:
 
 
 class GdbServer:
-    """Listens on a port; 0 takes a free one. Raises LinkError for a port that is taken.
+    """Listens on a port; 0 takes a free one. Raises LinkError for a port that is taken, UsageError for a number that is
+    no port.
 
     waits: machines stand until a debugger has come. say: gets a sentence when a debugger goes without leaving. ends:
     looked at while a machine stands; True lets it run on. tell: called several times a second meanwhile. stood_s: how
@@ -116,8 +118,11 @@ class GdbServer:
     ) -> None:
         try:
             self._listening = socket.create_server(("127.0.0.1", port), backlog=4)
-        except (OSError, OverflowError) as error:
-            raise LinkError(f"gdb cannot be served at port {port} of 127.0.0.1: {error}; choose another port") from None
+        except OverflowError:
+            raise UsageError(f"gdb cannot be served at port {port}: give a number up to 65535, or 0") from None
+        except OSError as error:
+            why = os.strerror(error.errno) if error.errno else str(error)
+            raise LinkError(f"gdb cannot be served at port {port} of 127.0.0.1: {why}; choose another port") from None
         self._listening.setblocking(False)
         self.port = int(self._listening.getsockname()[1])
         self.points: frozenset[Point] = frozenset()

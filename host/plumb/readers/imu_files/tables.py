@@ -24,6 +24,8 @@ MOST_SAMPLES = 1 << 21
 """Longest recording: two hours at 285 Hz, about one gigabyte of working memory."""
 OTHERS = ("movement", *(f"ref_{c}" for c in "wxyz"))
 """Columns of a table that are read besides time and sensors, by these very names."""
+SHOWN_COLUMNS = 12
+"""Most columns of a file that a sentence names."""
 _COMMENT = ("#", "//", "%")
 
 
@@ -90,6 +92,7 @@ def _read(name: str, lines: Iterator[str], given: Given, taken: list[str], part:
         layout, first = with_units, next(rows, None)
     if first is None:
         raise UsageError(f"{name} has a header in line {header_at} and no row below it")
+    _check_width(name, layout, first, rows.at_line)
     layout = text_tables.without_empty_time(layout, first, given, before, part.bare)
     layout = _timed(name, text_tables.with_first_row(layout, first, given), given)
     layout = text_tables.with_units(name, header_at, layout, given)
@@ -105,12 +108,18 @@ def _read(name: str, lines: Iterator[str], given: Given, taken: list[str], part:
 def _header(name: str, lines: Iterator[str], given: Given, part: Part, before: list[str]) -> tuple[Layout, int]:
     """The layout, and the number of its line. before: the lines before it are added. Raises UsageError for a file
     without one."""
+    lacking = ""
     for at_line, text in enumerate(lines, 1):
         if at_line > text_tables.HEADER_LINES:
             break
         if layout := text_tables.layout_of(text, given, before, part.wanted, part.bare):
-            return layout, at_line
+            absent = _not_there(layout, given, at_line) if part is WHOLE else ""
+            if not absent:
+                return layout, at_line
+            lacking = lacking or absent
         before.append(text)
+    if lacking:
+        raise UsageError(f"{name} {lacking}")
     first = next((text.strip() for text in before if text.strip()), "")
     if not first:
         raise UsageError(f"{name} is empty")
@@ -126,6 +135,27 @@ def _header(name: str, lines: Iterator[str], given: Given, part: Part, before: l
         f"{name} needs columns time_s, gyr_x_radps.. (or _dps) and acc_x_mps2.. (or _g); it begins with "
         f"{first[:80]!r}: say which its columns are, as in {COLUMNS_EXAMPLE}{_missing(before, given, part)}"
     )
+
+
+def _not_there(layout: Layout, given: Given, at_line: int) -> str:
+    """Which columns of --columns a header lacks, as the end of a sentence; "" where it has all."""
+    lacking = [one for names in given.columns.values() for one in names if one not in layout.header]
+    if not lacking:
+        return ""
+    has = ", ".join(repr(one[:40]) for one in layout.header[:SHOWN_COLUMNS])
+    more = ", ..." if len(layout.header) > SHOWN_COLUMNS else ""
+    return f"line {at_line} has no column {lacking[0]!r} that --columns names; its columns are {has}{more}"
+
+
+def _check_width(name: str, layout: Layout, row: list[str], at_line: int) -> None:
+    """Raises UsageError for a row with more values than the header names: which belongs to which cannot be told."""
+    most, got = len(layout.header), len(row)
+    if not any(row[most:]) or not all(text_tables.is_value(one) for one in row if one):
+        return
+    why = "a name is missing, or a value holds the separator"
+    if layout.separator == "," and got >= 2 * most - 1:
+        why = "commas in numbers are not told from commas between them: write points, or separate by semicolons"
+    raise UsageError(f"{name} line {at_line} has {got} values below a header of {most} columns; {why}")
 
 
 def _missing(before: Sequence[str], given: Given, part: Part) -> str:
