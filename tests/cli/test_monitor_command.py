@@ -304,7 +304,9 @@ def test_a_line_of_a_vehicle_on_wheels_has_its_motors_in_per_cent(
     monkeypatch.setattr("plumb.boards.open_link_board", lambda *_, **__: NativePort("wheels", None))
     assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "1"]) == 0
     line = capsys.readouterr().out.splitlines()[-1]
-    assert re.search(r"  turn rate \S+ deg/s  lean \S+ deg  motors left \S+ % right \S+ %  phase: ", line), line
+    assert re.search(
+        r"  turn rate \S+ deg/s  lean \S+ deg  motors not driven, asked for left \S+ % right \S+ %  phase: ", line
+    ), line
 
 
 def test_motors_are_named_where_a_system_drives_several() -> None:

@@ -128,3 +128,25 @@ def test_a_new_run_begins_the_plots_anew(page: Page) -> None:
     begin(page, 500, WHOLE_S)
     page.value("bench.rows.reset(2, 8); bench.at = 0; bench.draw(); 1")
     assert page.value("bench.rows.count === 0 && bench.plots[0].panel.end === 0")
+
+
+def test_what_does_not_move_is_a_flat_line_and_motors_say_that_they_are_not_driven(page: Page) -> None:
+    page.value("bench = new Bench(100); 0")
+    scales = page.value("""import("./scale.js").then(({ rangeFor }) => {
+      const flat = rangeFor(1000, 1000, null, 10), noisy = rangeFor(-0.4, 0.4, null, 0.1);
+      return [flat.bottom, flat.top, noisy.bottom, noisy.top];
+    })""")
+    assert isinstance(scales, list)
+    flat_bottom, flat_top, noisy_bottom, noisy_top = scales
+    assert flat_bottom <= 995 and flat_top >= 1005 and -0.6 < noisy_bottom <= -0.4 and 0.4 <= noisy_top < 0.6
+    found = page.value("""import("./plots.js").then(({ plotsOf }) => {
+      const columns = [["left", "", true], ["tilt_deg", "deg", false], ["right", "", true], ["phase", "", false]];
+      const plots = plotsOf(columns.map(([name, unit, drives]) => ({ name, unit, drives })), bench.rows, bench.view);
+      return plots.map((plot) => {
+        plot.showArmed(false);
+        const disarmed = plot.element.contains(plot.idle) && !plot.idle.hidden;
+        plot.showArmed(true);
+        return [plot.title, plot.signals.length, disarmed, plot.idle.hidden];
+      });
+    })""")
+    assert found == [["deg", 1, False, True], ["motors", 2, True, True], ["phase", 1, False, True]]

@@ -50,6 +50,16 @@ def test_an_attitude_has_roll_pitch_and_yaw_and_four_motors_four_pulses(tmp_path
     bench.close()
 
 
+def test_the_page_gets_the_columns_that_drive_motors(vehicle: CockpitBench) -> None:
+    running(vehicle)
+    vehicle.turn(0.5)
+    run = vehicle.loop.state["run"]
+    assert isinstance(run, dict)
+    driving = [column["name"] for column in run["columns"] if column["drives"]]
+    four, two = [f"pulse_{i}_us" for i in range(4)], ["left", "right"]
+    assert driving == {"quadrotor": four, "wheels": two}[run["system"]]
+
+
 def test_without_a_model_the_columns_are_those_of_the_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = CockpitBench(tmp_path, system="quadrotor")
     monkeypatch.setattr("plumb.cockpit.board_run.table", lambda: [])

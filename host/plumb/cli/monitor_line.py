@@ -62,8 +62,10 @@ def pulses(s: Snapshot) -> str:
 
 
 def motors(s: Snapshot) -> str:
-    """Of a vehicle on wheels, in per cent of full drive, positive forward."""
-    return "motors " + " ".join(f"{name} {100.0 * duty:+z.0f} %" for name, duty in s["motors"].items())
+    """Of a vehicle on wheels, in per cent of full drive, positive forward; while the board is disarmed what the step
+    asks for, which nothing drives."""
+    duties = " ".join(f"{name} {100.0 * duty:+z.0f} %" for name, duty in s["motors"].items())
+    return f"motors {duties}" if s["armed"] else f"motors not driven, asked for {duties}"
 
 
 def line(s: Snapshot) -> str:

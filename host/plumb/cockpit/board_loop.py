@@ -28,6 +28,7 @@ from plumb.link import monitor, parameter_table
 from plumb.link.session import Session
 from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
+from plumb.spec.signals import output_columns
 
 STATE_EVERY_S = 0.1
 REOPEN_S = 1.0
@@ -289,7 +290,7 @@ class BoardLoop(BoardRun):
                 "number": samples.number,
                 "system": samples.system,
                 "period_s": samples.period_s,
-                "columns": [{"name": column.name, "unit": column.unit} for column in samples.columns],
+                "columns": _columns(samples),
             },
             "tilt_about": None if samples is None else tilt_axis(samples.system),
             "setpoint": None if setpoint is None else {
@@ -302,6 +303,12 @@ class BoardLoop(BoardRun):
             "recording": self.recording.state,
             "health": {name: seen[name] for name in HEALTH} | (self._declared_words(samples) if samples else {}),
         }  # fmt: skip
+
+
+def _columns(samples: Samples) -> list[dict[str, object]]:
+    """The columns as the page gets them. drives: it moves something while the board is armed."""
+    drives = output_columns(samples.system)
+    return [{"name": column.name, "unit": column.unit, "drives": column.name in drives} for column in samples.columns]
 
 
 def why_no_setpoint(system: str) -> str:

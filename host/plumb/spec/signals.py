@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from plumb.spec import dbc
+from plumb.spec import dbc, declarations
 from plumb.spec.protocol import load_database
 
 UNITS = {"deg": "_deg", "deg/s": "_dps", "us": "_us", "m/s": "_mps"}
@@ -32,3 +32,18 @@ def signals(system: str) -> list[tuple[Signal, str, float]]:
                 taken.add(column)
                 found.append(((name, signal.name), column + UNITS.get(signal.unit or "", ""), float(signal.scale)))
     return found
+
+
+@lru_cache(maxsize=32)
+def output_columns(system: str) -> dict[str, str]:
+    """Column -> unit of the words that drive the outputs of a system, in their order: us of pulses, "" of duties. {}
+    for a system without an output, or whose frames do not carry them all."""
+    columns, declared = {key: column for key, column, _ in signals(system)}, declarations.system(system)
+    carried = {
+        part.word.name: columns[dbc.frame_name(declared, frame), part.name]
+        for frame in declared.frames
+        for part in (frame.half, frame.word)
+        if part is not None
+    }
+    words = declared.output_words
+    return {carried[word.name]: word.unit for word in words} if all(word.name in carried for word in words) else {}

@@ -20,10 +20,9 @@ from plumb.link.datagrams import Datagrams
 from plumb.link.endpoint_names import quoted
 from plumb.link.monitor import Snapshot
 from plumb.link.selection import RAW_FRAMES
-from plumb.spec import dbc, declarations
+from plumb.spec import declarations
 from plumb.spec.protocol import Frame, protocol
-from plumb.spec.signals import signals
-from plumb.spec.system import System
+from plumb.spec.signals import output_columns
 from plumb.systems.mavlink import HALF_US, LOW_US, MIDDLE_US, MavlinkVehicle
 
 SYSTEM_ID, COMPONENT_ID = 1, 1
@@ -70,7 +69,7 @@ class MavlinkStream:
         self._datagrams = Datagrams(*target)
         self._file = None if tlog is None else _new_file(tlog)
         self._declared, self._vehicle = declarations.system(system), vehicle
-        self._output_columns = output_columns(self._declared)
+        self._rests_us = {name: LOW_US if unit else MIDDLE_US for name, unit in output_columns(system).items()}
         self._inputs: dict[str, int] = {}
         self._setpoint: int | None = None
         self._next_s = float("-inf")
@@ -117,9 +116,9 @@ class MavlinkStream:
     def _outputs(self, snapshot: Snapshot) -> list[int]:
         """Pulses in us, of a duty 1500 and 500 for the full one. While the board is disarmed nothing turns, whatever
         the step asks for. [] while one of them is not received."""
-        values = [snapshot.get(column) for column, _ in self._output_columns]
         found = []
-        for value, (_, rest_us) in zip(values, self._output_columns, strict=True):
+        for column, rest_us in self._rests_us.items():
+            value = snapshot.get(column)
             if value is None:
                 return []
             pulse_us = value if rest_us == LOW_US else MIDDLE_US + HALF_US * value
@@ -175,21 +174,6 @@ class MavlinkStream:
             self._file.write(struct.pack(">Q", round(time.time() * 1e6)) + data)
         name = str(message.get_type())
         self.sent[name] = self.sent.get(name, 0) + 1
-
-
-def output_columns(declared: System) -> list[tuple[str, float]]:
-    """The columns that drive the outputs, in their order, with the pulse of an output at rest, us: LOW_US of a column
-    of pulses, MIDDLE_US of one of duties. [] for a system without an output, or whose frames do not carry them all."""
-    columns = {key: column for key, column, _ in signals(declared.name)}
-    carried = {
-        part.word.name: columns[dbc.frame_name(declared, frame), part.name]
-        for frame in declared.frames
-        for part in (frame.half, frame.word)
-        if part is not None
-    }
-    if not all(word.name in carried for word in declared.output_words):
-        return []
-    return [(carried[word.name], LOW_US if word.unit == "us" else MIDDLE_US) for word in declared.output_words]
 
 
 def _count(value: Any) -> int:  # Any: of a snapshot

@@ -62,6 +62,7 @@ function showState(said) {
   byId("armed").className = said.armed ? "armed" : "disarmed";
   setText(byId("armed"), said.armed ? (said.armed_here ? "ARMED" : "ARMED elsewhere") : said.arming ? "arming" : "disarmed");
   showPlots(said.run?.columns ?? []);
+  for (const plot of plots) plot.showArmed(said.armed);
   showControl(said);
   parameters.showState(said);
   showHealth(said);

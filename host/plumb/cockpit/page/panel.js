@@ -16,10 +16,10 @@ const scrolled = new IntersectionObserver((entries) => {
 
 const firstTick = ({ bottom, step }) => Math.ceil(bottom / step - 1e-9) * step;
 
-// signals: [{column, colour, on}]; colour: its number among those of the style.
+// signals: [{column, colour, on}]; colour: its number among those of the style. least: the least height in the unit.
 export class Panel {
-  constructor(canvas, signals, rows, view) {
-    Object.assign(this, { canvas, signals, rows, view, seen: true, whole: true, range: null, scale: 0, end: 0 });
+  constructor(canvas, signals, rows, view, least) {
+    Object.assign(this, { canvas, signals, rows, view, least, seen: true, whole: true, range: null, scale: 0, end: 0 });
     this.pen = canvas.getContext("2d", { alpha: false });
     this.extent = [0, 0];
     this.yOf = (value) => this.y0 + this.height * (this.range.top - value) / (this.range.top - this.range.bottom);
@@ -85,7 +85,7 @@ export class Panel {
     extent[0] = Infinity;
     extent[1] = -Infinity;
     for (const { line, on } of this.signals) if (on) line.spread(left, right, extent);
-    return rangeFor(extent[0], extent[1], this.range);
+    return rangeFor(extent[0], extent[1], this.range, this.least);
   }
 
   drawAll() {

@@ -6,9 +6,11 @@ import { LEFT, Panel, RIGHT } from "./panel.js";
 import { shown } from "./scale.js";
 
 const COLOURS = 8, SMALLEST_BRUSH = 0.01;
-const COMMANDS = "commands of the pilot";
+const COMMANDS = "commands of the pilot", MOTORS = "motors";
 const QUANTITIES = { deg: "Angle", "deg/s": "Rate", us: "Pulse width", "m/s": "Speed", count: "Raw reading" };
-const FIRST = ["deg", "deg/s", "m/s", "us", COMMANDS], LAST = ["quaternion", "count"];
+const FIRST = ["deg", "deg/s", "m/s", "us", MOTORS, COMMANDS], LAST = ["quaternion", "count"];
+// Least height of a plot in its unit: what does not move is a flat line, and its noise is no mountain.
+const LEAST = { deg: 0.1, "deg/s": 0.2, us: 10, "m/s": 0.05, count: 10 }, LEAST_SHARE = 0.1;
 
 export class Plot {
   constructor(title, signals, rows, view) {
@@ -21,9 +23,12 @@ export class Plot {
     this.cursor.hidden = this.brush.hidden = true;
     const heading = element("b", "", QUANTITIES[title] ?? title[0].toUpperCase() + title.slice(1));
     if (QUANTITIES[title]) heading.append(element("small", "", ` ${title}`));
+    this.idle = element("small", "idle", " asked for, and not driven: the board is disarmed");
+    this.idle.hidden = true;
+    if (signals.some((signal) => signal.drives)) heading.append(this.idle);
     this.element = element("div", "panel", element("div", "keys", heading, ...signals.map((signal) => this.key(signal))),
       element("div", "screen", this.canvas, this.brush, this.cursor));
-    this.panel = new Panel(this.canvas, signals, rows, view);
+    this.panel = new Panel(this.canvas, signals, rows, view, LEAST[title] ?? LEAST_SHARE);
     this.listen();
   }
 
@@ -81,6 +86,8 @@ export class Plot {
     stretch.style.width = `${(brush[1] - brush[0]) * width}px`;
   }
 
+  showArmed(armed) { this.idle.hidden = armed; }
+
   // The values of a row, next to the names; -1: none.
   showValues(row) {
     for (const { output, column } of this.signals) {
@@ -96,12 +103,12 @@ const rank = (title) => (FIRST.includes(title) ? FIRST.indexOf(title) : LAST.inc
 // a unit; the angles first.
 export function plotsOf(columns, rows, view) {
   const groups = new Map();
-  columns.forEach(({ name, unit }, column) => {
-    const kind = /^[wxyz]$/.test(name) ? "quaternion" : name.startsWith("command_") ? COMMANDS : name;
+  columns.forEach(({ name, unit, drives }, column) => {
+    const kind = /^[wxyz]$/.test(name) ? "quaternion" : name.startsWith("command_") ? COMMANDS : drives ? MOTORS : name;
     const title = unit || kind;
     if (!groups.has(title)) groups.set(title, []);
     const of = groups.get(title);
-    of.push({ name, column, colour: of.length % COLOURS, on: true });
+    of.push({ name, column, drives, colour: of.length % COLOURS, on: true });
   });
   return [...groups].sort(([a], [b]) => rank(a) - rank(b)).map(([title, signals]) => new Plot(title, signals, rows, view));
 }

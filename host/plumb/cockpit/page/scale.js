@@ -24,10 +24,10 @@ export function shown(value) {
 }
 
 // The range of an axis for values from low to high, to half ticks: `before` stays as long as the values fit in it and
-// fill SMALLEST_PART of it, so that the picture stands still.
-export function rangeFor(low, high, before) {
+// fill SMALLEST_PART of it, so that the picture stands still. least: its least height.
+export function rangeFor(low, high, before, least) {
   if (low > high) return before ?? { bottom: -1, top: 1, step: 0.5 };
-  const height = Math.max(high - low, Math.abs(high) * 2e-4, 2e-3);
+  const height = Math.max(high - low, Math.abs(high) * 2e-4, least);
   if (before && low >= before.bottom && high <= before.top && height >= SMALLEST_PART * (before.top - before.bottom)) {
     return before;
   }
