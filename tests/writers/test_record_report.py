@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from plumb import systems
 from plumb.contract.parameters import quantise
 from plumb.proof.report import page
+from plumb.readers import log_replay
 from plumb.readers.step_quantities import quantities_of
 from plumb.readers.table_column import Column
 from plumb.spec import declarations
 from plumb.spec.quaternion_angles import ANGLES
-from plumb.writers.record_report import panels
+from plumb.writers.record_report import no_height, page_of, panels
+from support.recordings import log_of_counts
 
 ONES = np.ones(5)
 ROLLED = {"w": np.cos(0.1 * ONES), "x": np.sin(0.1 * ONES), "y": 0.0 * ONES, "z": 0.0 * ONES}
@@ -69,3 +73,13 @@ def test_a_system_without_attitude_keeps_its_angles_and_groups_its_shares() -> N
     ]
     found = panels(columns, declarations.system(systems.with_part("ride")[0]))
     assert [(plot.title, len(plot.lines)) for plot in found] == [("Signals in deg", 1), ("Shares", 2)]
+
+
+def test_a_flight_says_once_why_it_has_no_height(tmp_path: Path) -> None:
+    module, declared = systems.load(FLYING), declarations.system(FLYING)
+    params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
+    log = log_of_counts(tmp_path / "run.plog", params, np.zeros((20, declared.inputs), np.int16))
+    (recorded,) = log_replay.runs_of(log_replay.open_log(log))
+    assert page_of(recorded).count("There is no height: ") == 1
+    assert no_height([*flown(), Column("height_m", "m", ONES)], declared) == ""
+    assert no_height([], declarations.system(systems.with_part("ride")[0])) == ""

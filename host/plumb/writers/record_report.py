@@ -16,7 +16,7 @@ from plumb.readers.step_quantities import MOTORS, STICKS
 from plumb.readers.step_table import table_of
 from plumb.readers.table_column import Column
 from plumb.spec import declarations
-from plumb.spec.system import System
+from plumb.spec.system import FLIGHT, System
 
 ROWS_MAX = 500_000
 """Steps that the page shows, the first ones: 17 minutes at 500 Hz. The log has all."""
@@ -86,6 +86,13 @@ def _rank(plot: Plot) -> int:
     return 20 if plot.folded else 10 if plot.title.startswith("Sensors") else wanted
 
 
+def no_height(columns: Sequence[Column], declared: System) -> str:
+    """Why the page of a vehicle that flies has no height, as a sentence of its lead; "" where it has one."""
+    if declared.checks != FLIGHT or any(column.unit == "m" for column in columns):
+        return ""
+    return " There is no height: the log holds what the board sent, and no sensor of the board measures it."
+
+
 def page_of(recorded: RecordedRun, compared: Compared | None = None) -> str:
     """The page of one run of a log. compared: what a shadow said of it while it ran; None: it was not compared."""
     run, params, head = recorded.run, recorded.used.params, recorded.log.head
@@ -93,7 +100,10 @@ def page_of(recorded: RecordedRun, compared: Compared | None = None) -> str:
     again = f"plumb replay {recorded.log.path.name} --board native"
     said = f"While it ran: {compared.text}. {again} compares again." if compared else ""
     said = said or f"No step was compared with the integer model: {again} does that."
-    lead = f"{counted(run.steps, 'step')} of {1e3 * params.period_s:g} ms. {said}{most}"
+    declared = declarations.system(recorded.system)
+    shown_steps = table_of(replace(recorded, run=run.first_steps(ROWS_MAX)))
+    said = f"{said}{most}{no_height(shown_steps, declared)}"
+    lead = f"{counted(run.steps, 'step')} of {1e3 * params.period_s:g} ms. {said}"
     lost = run.incomplete
     whole = (
         "no step lacks its counts or its digest" if not lost else f"{counted(lost, 'step')} without counts or digest"
@@ -108,13 +118,12 @@ def page_of(recorded: RecordedRun, compared: Compared | None = None) -> str:
         "parameters_crc32": f"0x{params.crc32():08x}",
         "parameters": run_identity.parameters_of(params),
     }
-    shown_steps = table_of(replace(recorded, run=run.first_steps(ROWS_MAX)))
     part = head.get("part")
     name = part.get("board", "a bus") if isinstance(part, dict) else "a bus"
     return page(
         f"{recorded.system}, recorded from {name}",
         compared.verdict if compared else "",
         lead,
-        [*panels(shown_steps, declarations.system(recorded.system)), *run_identity.tables(entry, heading)],
+        [*panels(shown_steps, declared), *run_identity.tables(entry, heading)],
         [Statement("link", whole, not lost)] if run.steps else [],
     )
