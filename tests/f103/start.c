@@ -28,6 +28,8 @@ HANDLER(systick_handler);
 HANDLER(irq0_handler);
 HANDLER(irq1_handler);
 HANDLER(irq2_handler);
+HANDLER(irq6_handler);
+HANDLER(irq23_handler);
 HANDLER(dma1_channel1_handler);
 HANDLER(dma1_channel4_handler);
 HANDLER(dma1_channel5_handler);
@@ -50,6 +52,8 @@ __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60
     [16] = irq0_handler,
     [17] = irq1_handler,
     [18] = irq2_handler,
+    [16 + 6] = irq6_handler,
+    [16 + 23] = irq23_handler,
     [16 + 11] = dma1_channel1_handler,
     [16 + 14] = dma1_channel4_handler,
     [16 + 15] = dma1_channel5_handler,

@@ -41,6 +41,7 @@ from plumb.f103.peripherals.bxcan import Bxcan
 from plumb.f103.peripherals.crc import BASE as CRC_BASE
 from plumb.f103.peripherals.crc import Crc
 from plumb.f103.peripherals.dma import Dma
+from plumb.f103.peripherals.exti import Exti
 from plumb.f103.peripherals.flash import Flash
 from plumb.f103.peripherals.gpio import Afio, Gpio
 from plumb.f103.peripherals.i2c import I2c, I2cBus
@@ -196,6 +197,7 @@ class Machine:
         self.i2c1, self.spi1 = I2c(self, self.i2c_bus), Spi(self)
         self.iwdg, self.wwdg = Iwdg(self), Wwdg(self)
         self.pwr, self.bkp = Pwr(self), Bkp(self)
+        self.exti = Exti(self)
         self.crc = Crc(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
         rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.usart3]
@@ -215,6 +217,7 @@ class Machine:
             self.bkp,
             self.can,
             self.crc,
+            self.exti,
             self.rcc,
         ]
         for peripheral in core + rest:
@@ -502,6 +505,7 @@ class Machine:
         self.tim2.pins_changed()
         self.spi1.pins_changed()
         self.i2c_bus.pins_changed()
+        self.exti.pins_changed()
         if self.probe is not None:
             self.probe.pins_changed(self.now)
 

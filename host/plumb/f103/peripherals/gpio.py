@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from plumb.f103.core.bus import Peripheral, Register
@@ -20,6 +21,8 @@ LSE_PINS = (14, 15)
 """Pins of port C that belong to the 32 kHz crystal while RCC_BDCR.LSEON is set."""
 
 
+PORTS = 5
+"""A to E."""
 FLOATING = 4
 """CNF:MODE of a floating input, which reset leaves."""
 
@@ -132,6 +135,10 @@ class Afio(Peripheral):
         *(Register(f"exticr{i}", 0x04 + 4 * i, 0, 0xFFFF) for i in range(1, 5)),
     )
     mapr: int
+    exticr1: int
+    exticr2: int
+    exticr3: int
+    exticr4: int
 
     def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "AFIO", 0x40010000)
@@ -148,6 +155,20 @@ class Afio(Peripheral):
 
     def peek_mapr(self) -> int:
         return self.mapr
+
+    def line_ports(self) -> list[int]:
+        """For each of the sixteen lines of EXTI the number of the port whose pin it is: 0 is A."""
+        registers = (self.exticr1, self.exticr2, self.exticr3, self.exticr4)
+        return [min(register >> 4 * i & 15, PORTS - 1) for register in registers for i in range(4)]
+
+    def plain_writer(self, register: Register) -> Callable[[int], None]:
+        write = super().plain_writer(register)
+
+        def write_and_look(value: int) -> None:
+            write(value)
+            self.machine.pins_changed()
+
+        return write_and_look if register.name.startswith("exticr") else write
 
     def write_mapr(self, value: int) -> None:
         self.mapr = value & 0x001FFFFF
