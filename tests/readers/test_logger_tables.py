@@ -187,3 +187,13 @@ def test_a_row_that_is_wider_than_its_header_is_refused(tmp_path: Path, line: st
 
 def test_a_separator_at_the_end_of_the_rows_changes_nothing(tmp_path: Path) -> None:
     check(written(tmp_path, PLAIN + "\n" + rows(["0", "0.01", "0.02"]).replace("\n", ",,\n")))
+
+
+@pytest.mark.parametrize(
+    ("time", "gyro", "accelerometer"),
+    [("Zeit [s]", "Drehrate", "Beschleunigung"), ("Zeitstempel (s)", "Winkelgeschwindigkeit", "Beschleunigungssensor")],
+)
+def test_german_headers_and_decimal_commas(tmp_path: Path, time: str, gyro: str, accelerometer: str) -> None:
+    columns = [f"{gyro} {c} [°/s]" for c in "XYZ"] + [f"{accelerometer} {c} [g]" for c in "XYZ"]
+    text = ";".join([time, *columns]) + "\n" + rows(["0", "0.01", "0.02"], separator=";").replace(".", ",")
+    check(written(tmp_path, text, "cp1252"))

@@ -173,3 +173,16 @@ def test_rows_of_numbers_alone_are_named_by_place() -> None:
         of_text(text)
     got = of_text(text, parse(COUNTS, "acc=1 2 3,gyr=4 5 6", None))
     assert got["gyr"] == pytest.approx(np.tile([1.0, 0.0, -2.0], (3, 1))) and len(got["time_s"]) == 3
+
+
+@pytest.mark.parametrize("separator", [",", "\t", " ", ", ", ";"])
+def test_a_serial_monitors_stamps_before_bare_numbers_are_the_time(separator: str) -> None:
+    row = separator.join(["8192", "-16384", "0", "131", "0", "-262"])
+    ready, text = "12:00:00.000 -> ready\n", "".join(f"12:00:00.{i}0 -> {row}\n" for i in "123")
+    counts = "gyr=1/131 deg/s,acc=1/16384 g"
+    got = of_text(ready + text, parse(counts, "acc=1 2 3,gyr=4 5 6", None))
+    assert got["time_s"] == pytest.approx(np.arange(3) * 0.1, abs=1e-6)
+    assert got["gyr"] == pytest.approx(np.tile(GYR, (3, 1))) and got["acc"] == pytest.approx(np.tile(ACC, (3, 1)))
+    names = separator.join(["ax", "ay", "az", "gx", "gy", "gz"])
+    headed = of_text(f"{ready}12:00:00.000 -> {names}\n{text}", parse(counts, None, None))
+    assert all(np.array_equal(headed[one], values) for one, values in got.items())

@@ -22,6 +22,10 @@ MANY = 1e-3
 LEAST_STAY = 4.0
 """Samples between two wraps, in the middle: a vibration at a quarter of the rate jumps between two samples, too."""
 HELD_SHARE = 0.2
+DEAD_TURN_DEG = 30.0
+"""Turn of the accelerometer that a gyro cannot miss: pushes alone do not lean it so far for half a second."""
+STEADY = 0.9
+"""Least length of the mean of directions in which the acceleration is steady."""
 NAMES = {"gyr": "gyro", "acc": "accelerometer"}
 
 
@@ -144,6 +148,10 @@ def held_findings(samples: Samples) -> tuple[list[Finding], dict[str, BoolArray]
         same = held_rows(values)
         busy = _busy(values)
         rows[name] = same & busy
+        if name == "gyr" and same[1:].all() and (turn_deg := _turn_deg(samples)) > DEAD_TURN_DEG:
+            text = f"gyro is the same in every row while the accelerometer turns by {turn_deg:.0f} deg: it is not read"
+            found.append(fault("gyro-dead", "sure", text, turn_deg=turn_deg))
+            continue
         moving, held = int(busy.sum()), int(rows[name].sum())
         longest = _longest(rows[name])
         long_s = longest * samples.step_s
@@ -154,6 +162,20 @@ def held_findings(samples: Samples) -> tuple[list[Finding], dict[str, BoolArray]
             text += f": it is {moving / max(moving - held, 1):.2g} times slower than the file"
         found.append(fault(f"{NAMES[name]}-held", "sure", text, f"{name}:fill", rows=held, longest=longest + 1))
     return found, rows
+
+
+def _turn_deg(samples: Samples) -> float:
+    """Largest angle between the acceleration of the first steady half second and that of another, in deg; 0 for none.
+    It is steady where the mean of its directions is nearly 1 long."""
+    size = max(1, round(0.5 / samples.step_s))
+    rows = len(samples) // size * size
+    length = np.linalg.norm(samples.acc_g[:rows], axis=1, keepdims=True)
+    means = (samples.acc_g[:rows] / np.maximum(length, 1e-12)).reshape(-1, size, 3).mean(1)
+    steady = means[np.linalg.norm(means, axis=1) > STEADY]
+    if len(steady) < 2:
+        return 0.0
+    steady /= np.linalg.norm(steady, axis=1, keepdims=True)
+    return float(np.degrees(np.arccos(np.clip(steady @ steady[0], -1.0, 1.0))).max())
 
 
 def _busy(values: FloatArray) -> BoolArray:

@@ -34,12 +34,16 @@ of m/s² are those that a wrong encoding leaves."""
 QUANTITIES = {
     "time": r"(?:sample|system|host|log|unix|utc|local|elapsed|device|sensor) ?(?:time|timestamp)|time ?stamp|time|t|"
     r"time since start(?: in)?|elapsed|seconds elapsed|seconds|secs|millis|milliseconds|micros|microseconds|"
-    r"date ?time|date|utc|yyyy mo dd hh mi ss sss|packet ?(?:number|counter)|sample ?(?:number|count)|counter",
-    "gyr": r"gyr|gyro|gyros|gyroscope|angular ?(?:velocity|rate)|w rs s|omega|g|rotation|rotation ?rate|gyroscope raw",
-    "acc": r"acc|accel|accelerometer|accelerometer raw|acceleration|a rs s|a|total ?acceleration",
+    r"date ?time|date|utc|yyyy mo dd hh mi ss sss|packet ?(?:number|counter)|sample ?(?:number|count)|counter|"
+    r"zeit|zeitstempel|uhrzeit|datum",
+    "gyr": r"gyr|gyro|gyros|gyroscope|angular ?(?:velocity|rate)|w rs s|omega|g|rotation|rotation ?rate|gyroscope raw|"
+    r"gyroskop|drehrate|winkelgeschwindigkeit",
+    "acc": r"acc|accel|accelerometer|accelerometer raw|acceleration|a rs s|a|total ?acceleration|"
+    r"beschleunigung|beschleunigungssensor",
     "mag": r"mag|magn|magnet|magnetometer|magnetic ?field|compass|m",
 }
-"""By quantity: the words that name it, without axis and unit. "linear acceleration" lacks gravity and is none."""
+"""By quantity: the words that name it, without axis and unit, in English and in German. "linear acceleration" lacks
+gravity and is none."""
 OWN_UNITS = {
     **dict.fromkeys(("seconds elapsed", "seconds", "secs"), "s"),
     **dict.fromkeys(("millis", "milliseconds"), "ms"),

@@ -28,6 +28,7 @@ _PAIR = re.compile(
 )
 """Label, value, unit. The label is bounded: without, a line of 60,000 letters costs a minute."""
 _STAMP = re.compile(r"\s*(\d{1,2}:\d{2}:\d{2}[.,]\d+)\s*->\s*")
+_BARE = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 _COUNTS = re.compile(r"a/g:" + r"\s+([-+]?\d+)" * 6)
 _SENSORS = [(quantity, axis) for quantity in ("gyr", "acc") for axis in range(3)]
 _Key = tuple[str, int]
@@ -43,6 +44,23 @@ def as_table(lines: Iterable[str]) -> Iterator[str]:
             columns = sorted(sample)
             yield "\t".join(_name(key, sample[key][1]) for key in columns) + "\n"
         yield "\t".join(sample[key][0] if key in sample else "" for key in columns) + "\n"
+
+
+def has_stamped_rows(lines: Iterable[str]) -> bool:
+    """Whether a serial monitor's stamp stands before rows of six bare numbers or more."""
+    behind = [line[stamp.end() :] for line in lines if (stamp := _STAMP.match(line))]
+    return bool(behind) and len(_BARE.findall(behind[-1])) >= 6 and not _BARE.sub("", behind[-1]).strip(" ,;\t\r\n")
+
+
+def with_stamp_behind(line: str) -> str:
+    """A row with the monitor's stamp as its last cell, so that the places of the others are those that the program
+    printed; a header with the word time there."""
+    stamp = _STAMP.match(line)
+    if not stamp:
+        return line
+    text = line[stamp.end() :].strip()
+    separator = next((one for one in ",;\t" if one in text), " ")
+    return f"{text.rstrip(separator)}{separator}{stamp[1] if _BARE.match(text) else 'time'}\n"
 
 
 def _name(key: _Key, unit: str) -> str:

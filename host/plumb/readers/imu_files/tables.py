@@ -67,6 +67,10 @@ def _with_header(lines: Iterator[str], given: Given) -> Iterator[str]:
     """With a header of places, 1 2 3, where --columns names the columns by them; with the table of what a
     microcontroller printed, where the lines are labels and values."""
     head = list(itertools.islice(lines, text_tables.HEADER_LINES))
+    stamped = serial_dumps.has_stamped_rows(head)
+    if stamped:
+        head = [serial_dumps.with_stamp_behind(text) for text in head]
+        lines = map(serial_dumps.with_stamp_behind, lines)
     places = [one for names in given.columns.values() for one in names]
     if places and all(one.isdigit() for one in places):
         most = max(int(one) for one in places)
@@ -74,8 +78,9 @@ def _with_header(lines: Iterator[str], given: Given) -> Iterator[str]:
             for separator in text_tables.SEPARATORS:
                 row = text_tables.cells(text, separator)
                 if len(row) >= most and all(text_tables.is_value(row[int(one) - 1]) for one in places):
-                    header = separator.join(str(place + 1) for place in range(len(row)))
-                    return itertools.chain([header + "\n"], head[at:], lines)
+                    header = [str(place + 1) for place in range(len(row))]
+                    header[-1:] = ["time"] if stamped else header[-1:]
+                    return itertools.chain([separator.join(header) + "\n"], head[at:], lines)
     table = serial_dumps.as_table(itertools.chain(head, lines))
     if not any(text_tables.layout_of(text, given) for text in head) and next(serial_dumps.as_table(head), None):
         return table

@@ -47,7 +47,7 @@ HEADERS = (
         "any table",
         "t_ms,gx_dps,gy_dps,gz_dps,ax_mg,ay_mg,az_mg",
         "or units in the row below; separated by comma, semicolon, tab or spaces; decimal commas; dates or times of "
-        "day as stamps; any encoding, or gzip",
+        "day as stamps; any encoding, or gzip; words in English or German",
     ),
 )
 """Headers of known programs, which their words and units explain."""
