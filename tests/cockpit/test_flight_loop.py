@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
@@ -36,7 +37,8 @@ def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: 
     bench.turn(0.5, on=True)
     assert bench.loop.state["armed"] and bench.loop.state["recording"]["on"]  # type: ignore[index]
     bench.turn(0.9, on=True, throttle=0.52)
-    assert bench.height_m > 0.3 and bench.loop.state["said"] == "flown"
+    highest_m = bench.height_m
+    assert highest_m > 0.3 and bench.loop.state["said"] == "flown"
     assert bench.loop.scene["estimate"] is not None
     bench.turn(5.0, on=True, throttle=0.36)
     assert bench.height_m < ground_m
@@ -50,6 +52,11 @@ def test_a_flight_is_armed_flown_landed_recorded_and_replayed_to_the_bit(bench: 
     assert main(["replay", str(log), "--board", "native"]) == 0
     assert main(["export", str(log), str(tmp_path / "flight.csv")]) == 0
     assert_every_curve_is_there(tmp_path / "flight.csv")
+    with (tmp_path / "flight.csv").open(encoding="utf-8") as file:
+        heights_m = [float(row["true_height_m"]) for row in csv.DictReader(file) if row["true_height_m"]]
+    assert max(heights_m) >= highest_m - 0.01 and heights_m[0] < ground_m and heights_m[-1] < ground_m
+    page = report.read_text(encoding="utf-8")
+    assert "true_height_m" in page and "There is no height" not in page
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import re
 import signal
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 
 from plumb.errors import UsageError
-from plumb.files.block_file import sealed
+from plumb.files.block_file import BlockWriter, sealed
 from plumb.readers import log_file
 from plumb.readers.log_file import EXTENDED, FRAME, MAGIC, REMOTE, Log, read_log
 from plumb.readers.log_replay import RecordedRun, open_log, runs_of
@@ -235,3 +236,28 @@ def test_the_layout_of_a_frame_is_the_documented_one() -> None:
     assert {name: field[1] for name, field in fields.items()} == {
         "time_us": 0, "can_id": 8, "length": 12, "sent": 13, "data": 14,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"true_x_m": [1.0]}, {"time_us": 1, "true_x_m": [1.0]}, {"time_us": [1], "true_x_m": [1.0, 2.0]},
+        {"time_us": [1], "true_x_m": ["a"]}, {"time_us": [1], "true_x_m": [float("nan")]},
+        {"time_us": [1.5], "true_x_m": [1.0]}, {"time_us": [1 << 80], "true_x_m": [1.0]},
+        {"time_us": [1], "roll_deg": [1.0]},
+    ],
+)  # fmt: skip
+def test_a_truth_that_no_recorder_writes_is_refused(tmp_path: Path, said: dict[str, object]) -> None:
+    path = tmp_path / "run.plog"
+    with BlockWriter(path, MAGIC, replace=False) as blocks:
+        blocks.append("TRTH", json.dumps(said).encode("utf-8"))
+    with pytest.raises(UsageError, match="is whole, but is no TRTH of a log"):
+        read_log(path)
+
+
+def test_the_truth_of_a_simulated_vehicle_reads_back(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "run.plog", {"command": "a test"}, simulated=True) as log:
+        for number in range(30):
+            log.truth({"true_height_m": 0.5 * number}, 0.1 * number)
+    found = read_log(tmp_path / "run.plog").truth
+    assert found == {"true_height_m": [(100_000 * number, 0.5 * number) for number in range(30)]}

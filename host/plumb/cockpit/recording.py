@@ -10,6 +10,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from plumb.boards.link import LinkBoard
@@ -22,8 +23,19 @@ from plumb.writers import log_export
 from plumb.writers.record_report import Compared
 from plumb.writers.recorder import Batch, Recorder, RunMemory
 
-Item = Batch | Sequence[int] | None
-"""Frames and their time; or the table with which a run begins; or the end."""
+TRUTH_EVERY_S = 0.05
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The true place of a simulated vehicle, in m by name, at a time of the session's clock."""
+
+    time_s: float
+    values: Mapping[str, float]
+
+
+Item = Batch | Sequence[int] | Truth | None
+"""Frames and their time; or the table with which a run begins; or the truth at a time; or the end."""
 
 
 class Recording:
@@ -37,6 +49,7 @@ class Recording:
         self._head: Mapping[str, object] = {}
         self._memory = RunMemory()
         self._words: Sequence[int] = ()
+        self._truth_s = float("-inf")
         self._writer: LogThread | None = None
         self._ended: list[LogThread] = []
 
@@ -85,6 +98,12 @@ class Recording:
         if self._writer is not None and frames:
             self._writer.items.put((time_s, frames))
 
+    def truth(self, values: Mapping[str, float], time_s: float) -> None:
+        """Queue the true place of a simulated vehicle, every TRUTH_EVERY_S, while a recording is on."""
+        if self._writer is not None and not 0.0 <= time_s - self._truth_s < TRUTH_EVERY_S:
+            self._truth_s = time_s
+            self._writer.items.put(Truth(time_s, values))
+
     def run_ended(self, compared: Compared | None) -> None:
         """Note what the shadow says of a run of which the recording, if one is on, has steps."""
         if self._writer is not None:
@@ -129,8 +148,10 @@ class LogThread(threading.Thread):
         self._say(f"recorded {counted(self.recorder.steps, 'step')}{lost} into {self.path}")
         self._report()
 
-    def _write(self, item: Batch | Sequence[int]) -> None:
-        if isinstance(item, tuple):
+    def _write(self, item: Batch | Sequence[int] | Truth) -> None:
+        if isinstance(item, Truth):
+            self.recorder.truth(item.values, item.time_s)
+        elif isinstance(item, tuple):
             time_s, frames = item
             self.recorder.add(frames, time_s)
         else:

@@ -4,6 +4,7 @@
     DBCT   the DBC of the frames, UTF-8
     PARM   JSON: parameters by name, as the table's integers; the first holds all, later ones what changed
     FRMS   frames, packed records of FRAME
+    TRTH   JSON: the true place of a simulated vehicle at some times, which no board measures
     DONE   JSON: why the recording ended, and what it counted; a log without it was cut, or is being written
 
 The frames are the recording: raw counts, digests, signals and setpoints are in them, as the board sent them. docs/
@@ -13,6 +14,7 @@ reference/log.md is the specification.
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -35,7 +37,7 @@ from plumb.spec.protocol import Protocol, database_of, protocol, protocol_of
 
 MAGIC = "plumb log 1"
 SUFFIX = ".plog"
-HEAD, DBC_TEXT, PARAMETERS, FRAMES, DONE = "HEAD", "DBCT", "PARM", "FRMS", "DONE"
+HEAD, DBC_TEXT, PARAMETERS, FRAMES, TRUTH, DONE = "HEAD", "DBCT", "PARM", "FRMS", "TRTH", "DONE"
 UTC, SIMULATED = "utc", "simulated"
 """Clocks of a head: microseconds since 1970, or since the start of a simulated board."""
 ADVICE = "give a log of `plumb record`"
@@ -43,6 +45,8 @@ DBC_LIMITS = Limits(cpu_s=(20.0, 0.0), memory_bytes=(512 * MIB, 0))
 """Time limit for reading the DBC of a log, and the factor for a slow machine is 20: plumb's own takes a second."""
 _DBC_READER = f"{__name__}:read_dbc"
 
+TRUE_PLACE = ("true_x_m", "true_y_m", "true_height_m")
+"""Names of TRTH: x and y of the earth, and up."""
 Json = Mapping[str, object]
 
 
@@ -59,8 +63,9 @@ class ParameterSet:
 @dataclass
 class Log:
     """Content of a log. blocks: reads its frames from the beginning, in pieces of a bounded size; count: how many there
-    are. damages: places that are not whole blocks; lost_blocks: numbers that are missing between whole blocks. done:
-    None when the recording was cut. notes: sentences on how a file of another tool was read."""
+    are. truth: name with unit -> times in us, by the clock of the frames, and values there. damages: places that are
+    not whole blocks; lost_blocks: numbers that are missing between whole blocks. done: None when the recording was cut.
+    notes: sentences on how a file of another tool was read."""
 
     path: Path
     head: dict[str, object] = field(default_factory=dict)
@@ -68,6 +73,7 @@ class Log:
     parameter_sets: list[ParameterSet] = field(default_factory=list)
     blocks: Callable[[], Iterable[Frames]] = tuple
     count: int = 0
+    truth: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
     done: dict[str, object] | None = None
     damages: list[Damage] = field(default_factory=list)
     lost_blocks: int = 0
@@ -148,6 +154,8 @@ def read_log(path: Path) -> Log:
             log.dbc = one.payload.decode("utf-8", "replace")
         elif one.kind == PARAMETERS:
             log.parameter_sets.append(_parameters_of(path, one, log.count))
+        elif one.kind == TRUTH:
+            _add_truth(path, one, log.truth)
         elif one.kind == HEAD:
             log.head = _json_of(path, one)
         elif one.kind == DONE:
@@ -181,6 +189,19 @@ def _parameters_of(path: Path, block: Block, at: int) -> ParameterSet:
     now = parameters.new_names()
     named = {now.get(name, name): int(value) for name, value in values.items()}
     return ParameterSet(at, named, crc32 if type(crc32) is int else None)
+
+
+def _add_truth(path: Path, block: Block, truth: dict[str, list[tuple[int, float]]]) -> None:
+    said = _json_of(path, block)
+    times = said.pop("time_us", None)
+    if not isinstance(times, list) or any(type(time_us) is not int or abs(time_us) >= 1 << 62 for time_us in times):
+        raise _odd(path, block)
+    for name, values in said.items():
+        if name not in TRUE_PLACE or not isinstance(values, list) or len(values) != len(times):
+            raise _odd(path, block)
+        if any(type(value) is not float or not math.isfinite(value) for value in values):
+            raise _odd(path, block)
+        truth.setdefault(name, []).extend(zip(times, values, strict=True))
 
 
 def _json_of(path: Path, block: Block) -> dict[str, object]:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.contract.parameters import ControlParams
-from plumb.readers.log_file import ERROR, EXTENDED, REMOTE
+from plumb.readers.log_file import ERROR, EXTENDED, REMOTE, TRUTH
 from plumb.readers.log_replay import RecordedRun
 from plumb.readers.run_parts import Steps
 from plumb.readers.table_column import Column
@@ -133,3 +133,20 @@ class Battery:
         volts = self._volts[at]
         known = ~np.isnan(volts) & (steps_us - self._times[at] < STALE_US)
         return [Column("battery_v", "V", np.where(known, volts, 0.0), known, BATTERY)]
+
+
+class TruePlace:
+    """The true place of a simulated vehicle at the steps of a run, between the times that its log has."""
+
+    def __init__(self, recorded: RecordedRun) -> None:
+        self._truth = {name: np.array(sorted(rows)) for name, rows in recorded.log.truth.items() if rows}
+
+    def columns(self, run: Steps) -> list[Column]:
+        """A column for each coordinate; none of a log that has no truth."""
+        steps_us = np.maximum.accumulate(run.time_us)
+        found = []
+        for name, rows in self._truth.items():
+            times_us, values = rows.T
+            known = (steps_us >= times_us[0]) & (steps_us <= times_us[-1] + STALE_US)
+            found.append(Column(name, "m", np.interp(steps_us, times_us, values), known, TRUTH))
+        return found

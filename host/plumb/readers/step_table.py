@@ -13,7 +13,7 @@ import numpy.typing as npt
 from plumb.readers.log_replay import RecordedRun
 from plumb.readers.replayed_steps import ReplayedSteps
 from plumb.readers.run_parts import Steps
-from plumb.readers.step_quantities import Battery, quantities_of
+from plumb.readers.step_quantities import Battery, TruePlace, quantities_of
 from plumb.readers.table_column import Column, Values
 from plumb.spec import dbc, declarations
 from plumb.spec.signals import UNITS, signals
@@ -36,11 +36,19 @@ def _commands(declared: System, run: Steps, raw_frames: Sequence[str]) -> Iterat
         yield Column(f"command_{command.name}", "", whole, run.raw_known)
 
 
+Besides = tuple[Battery, TruePlace]
+"""Columns from what a log has besides the frames of the steps."""
+
+
+def _besides(recorded: RecordedRun) -> Besides:
+    return Battery(recorded), TruePlace(recorded)
+
+
 def tables_of(recorded: RecordedRun) -> Iterator[list[Column]]:
     """The columns of a run in parts of a bounded number of steps, which have the same columns."""
-    replayed, battery = ReplayedSteps(recorded), Battery(recorded)
+    replayed, besides = ReplayedSteps(recorded), _besides(recorded)
     for part in recorded.run.parts():
-        yield _table(recorded, part, replayed, battery)
+        yield _table(recorded, part, replayed, besides)
 
 
 def table_of(recorded: RecordedRun) -> list[Column]:
@@ -48,10 +56,10 @@ def table_of(recorded: RecordedRun) -> list[Column]:
     velocities among the signals of the system; setpoint, raw counts, calibrated sensor values, commands; then the other
     signals. A signal has a column if it was received or can be calculated.
     The time counts the periods from the first step of the run."""
-    return _table(recorded, recorded.run.together, ReplayedSteps(recorded), Battery(recorded))
+    return _table(recorded, recorded.run.together, ReplayedSteps(recorded), _besides(recorded))
 
 
-def _table(recorded: RecordedRun, run: Steps, replayed: ReplayedSteps, battery: Battery) -> list[Column]:
+def _table(recorded: RecordedRun, run: Steps, replayed: ReplayedSteps, besides: Besides) -> list[Column]:
     whole, params = recorded.run, recorded.used.params
     steps = run.first + np.arange(len(run), dtype=np.int64)
     time = [
@@ -77,7 +85,8 @@ def _table(recorded: RecordedRun, run: Steps, replayed: ReplayedSteps, battery: 
     found += [*sensed, *_commands(declared, run, whole.raw_frames), *_signals(recorded, run, replayed)]
     first = [column for column in found if column.frame and column.unit in MOTION]
     rest = [column for column in found if not (column.frame and column.unit in MOTION)]
-    return [*time, *quantities_of(found, declared, params), *battery.columns(run), *first, *rest]
+    more = [column for one in besides for column in one.columns(run)]
+    return [*time, *quantities_of(found, declared, params), *more, *first, *rest]
 
 
 def _signals(recorded: RecordedRun, run: Steps, replayed: ReplayedSteps) -> Iterator[Column]:

@@ -24,6 +24,7 @@ from plumb.readers.log_file import (
     PACK,
     PARAMETERS,
     SIMULATED,
+    TRUTH,
     UTC,
 )
 from plumb.spec import dbc, parameters
@@ -34,6 +35,8 @@ FLUSH_EVERY_S = 0.25
 """Longest time that frames wait for their block."""
 SYNC_EVERY_S = 1.0
 """Interval at which what was written goes through to the disk."""
+TRUTH_ROWS = 20
+"""Times of one block of the truth."""
 _BLOCK_BYTES = BLOCK_FRAMES * FRAME.itemsize
 
 
@@ -50,6 +53,7 @@ class LogWriter:
     ) -> None:
         self.path = path
         self._waiting = bytearray()
+        self._truth: dict[str, list[float]] = {}
         self._flushed_s = time.monotonic()
         self._blocks = BlockWriter(path, MAGIC, replace=replace, sync_every_s=SYNC_EVERY_S)
         self._append_json(HEAD, {"clock": SIMULATED if simulated else UTC, **head})
@@ -77,6 +81,19 @@ class LogWriter:
             self._waiting += PACK(time_us, identifier, len(data), sent, data)
         self.flush()
 
+    def truth(self, values: Mapping[str, float], time_s: float) -> None:
+        """The true place of a simulated vehicle at a time of the clock of the frames: `true_height_m` and the like."""
+        self._truth.setdefault("time_us", []).append(round(time_s * 1e6))
+        for name, value in values.items():
+            self._truth.setdefault(name, []).append(float(value))
+        if len(self._truth["time_us"]) >= TRUTH_ROWS:
+            self._write_truth()
+
+    def _write_truth(self) -> None:
+        if self._truth:
+            self._append_json(TRUTH, self._truth)
+            self._truth = {}
+
     def add_message(self, message: can.Message) -> None:
         """A frame of any bus, with its own time."""
         self._waiting += packed(message)
@@ -96,6 +113,7 @@ class LogWriter:
         """Write the end and close the file. ended: why; counts: what the recorder counted."""
         with self._blocks:
             self.flush(at_once=True)
+            self._write_truth()
             self._append_json(DONE, {"ended": ended, **(counts or {})})
 
     def __enter__(self) -> Self:

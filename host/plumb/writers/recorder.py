@@ -184,6 +184,10 @@ class Recorder:
                 self._tables.feed(identifier, data, self._last + 1)
         self.log.add(frames, self._epoch_s + time_s)
 
+    def truth(self, values: Mapping[str, float], time_s: float) -> None:
+        """The true place of a simulated vehicle at a time of the session's clock."""
+        self.log.truth(values, self._epoch_s + time_s)
+
     def _count(self, low: int) -> None:
         """low: low 16 bits of a step's number; one that goes back begins a new run."""
         gap = (low - self._last - 1) & 0xFFFF

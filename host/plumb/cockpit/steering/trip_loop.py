@@ -26,6 +26,7 @@ from plumb.contract.parameters import quantise
 from plumb.errors import PlumbError, UsageError
 from plumb.link.selection import raw_frames_of
 from plumb.link.session import Session
+from plumb.readers.log_file import TRUE_PLACE
 from plumb.spec import declarations
 from plumb.systems.steered import Event, Quaternion, Steered, SteeredVehicle, part_of, steered
 
@@ -283,6 +284,9 @@ class TripLoop(BoardRun):
 
     def _look(self) -> None:
         seen, sticks = self._vehicles.vehicle.seen(), self.transmitter.sticks
+        if not self._over:
+            place = dict(zip(TRUE_PLACE, seen.position_m, strict=True))
+            self.recording.truth(place, self._session.clock())
         self.scene = {
             "time_s": round(self._session.clock() - self._begun_s, 3),
             "position": _rounded(seen.position_m, 4),
