@@ -10,6 +10,7 @@ import pytest
 
 from plumb import systems
 from plumb.__main__ import main
+from plumb.boards import debugging
 from plumb.cockpit import speed
 from plumb.cockpit.steering import trip_loop
 from plumb.systems.steered import Controls, steered
@@ -55,7 +56,8 @@ def heading_deg(attitude: object) -> float:
 def test_real_time_begins_when_the_sensors_have_settled(bench: TripBench, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was simulated faster than that is not waited for: the first seconds would be in slow motion."""
     clock = Clock()
-    monkeypatch.setattr(speed, "time", clock)
+    for module in (speed, debugging):
+        monkeypatch.setattr(module, "time", clock)
     bench.loop._paced = True
     bench.turn(bench.loop._steered.SETTLED_S + 0.05, on=False)
     begun_s = clock.now_s
