@@ -52,6 +52,8 @@ def test_a_build_is_found_by_its_name_and_a_file_comes_first(checkout: Path, tmp
         ("quad", "the image quad is not built: build it with 'make images'"),
         ("vehicle", r"there is no file vehicle, and no image of that name \(did you mean vehicles\?\): 'make images'"),
         ("nothere.bin", "there is no file nothere.bin, and no image of that name: 'make images' builds quad, "),
+        (".", "^. is a folder, no flash image; name a file$"),
+        ("/dev/null", "^/dev/null is a device, no flash image; name a file$"),
     ],
 )
 def test_an_image_that_is_not_there_is_named(checkout: Path, asked: str | None, said: str) -> None:

@@ -38,6 +38,8 @@ def named_image(name: str | None = None) -> Path:
         raise UsageError("there is no flash image; build one with 'make image' or name one with --image")
     if name in known:
         raise UsageError(f"the image {name} is not built: build it with 'make images'{held}")
+    if Path(name).exists():
+        raise UsageError(f"{name} is a {'folder' if Path(name).is_dir() else 'device'}, no flash image; name a file")
     raise UsageError(
         f"there is no file {name}, and no image of that name{did_you_mean(name, known)}: 'make images' builds "
         f"{', '.join(known)}{held}"
