@@ -35,6 +35,7 @@ HANDLER(dma1_channel4_handler);
 HANDLER(dma1_channel5_handler);
 HANDLER(tim2_handler);
 HANDLER(usart1_handler);
+HANDLER(usart2_handler);
 HANDLER(usart3_handler);
 
 typedef void (*vector_t)(void);
@@ -59,5 +60,6 @@ __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60
     [16 + 15] = dma1_channel5_handler,
     [16 + 28] = tim2_handler,
     [16 + 37] = usart1_handler,
+    [16 + 38] = usart2_handler,
     [16 + 39] = usart3_handler,
 };

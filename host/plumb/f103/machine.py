@@ -51,7 +51,7 @@ from plumb.f103.peripherals.spi import Spi
 from plumb.f103.peripherals.tim import Pwm, Timer
 from plumb.f103.peripherals.tim1 import Bridge, Tim1
 from plumb.f103.peripherals.tim2 import REMAPPED_PINS, Tim2
-from plumb.f103.peripherals.usart import Usart1, Usart3
+from plumb.f103.peripherals.usart import Usart1, Usart2, Usart3
 from plumb.f103.peripherals.wwdg import Wwdg
 from plumb.f103.program_image import load_program
 from plumb.f103.program_places import ElfPlaces
@@ -131,6 +131,9 @@ class Machine:
     WIRING = frozenset({"probe", "debug_hold"})
     cpu: Cpu
     rcc: Rcc
+    usart: Usart1
+    usart2: Usart2
+    usart3: Usart3
 
     def __init__(
         self,
@@ -176,7 +179,8 @@ class Machine:
         self._fill_memory(data)
         if flash_size is not None:
             struct.pack_into("<H", self.cpu.system, SYSTEM_FLASH_SIZE, flash_size)
-        self.uart = UartStream(self)
+        self.uart = UartStream(self, self.usart, of_rom=True)
+        self.uart2, self.uart3 = UartStream(self, self.usart2), UartStream(self, self.usart3)
         self.adc = AdcPins()
         self._power_up()
 
@@ -188,7 +192,7 @@ class Machine:
         self.core_debug, self.dwt, self.dbgmcu = CoreDebug(self), Dwt(self), DbgMcu(self)
         self.flash, self.rcc, self.dma, self.afio = Flash(self), Rcc(self), Dma(self), Afio(self)
         self.ports = [Gpio(self, letter, 0x40010800 + 0x400 * i) for i, letter in enumerate("ABCDE")]
-        self.usart, self.usart3 = Usart1(self), Usart3(self)
+        self.usart, self.usart2, self.usart3 = Usart1(self), Usart2(self), Usart3(self)
         self.adc1, self.adc2 = Adc(self, "ADC1", 0x40012400), Adc(self, "ADC2", 0x40012800)
         self.converters = (self.adc1, self.adc2)
         self.tim3, self.tim4 = Timer(self, "TIM3", 0x40000400, 29), Timer(self, "TIM4", 0x40000800, 30)
@@ -200,7 +204,7 @@ class Machine:
         self.exti = Exti(self)
         self.crc = Crc(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
-        rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.usart3]
+        rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.usart2, self.usart3]
         self.can = Bxcan(self)
         rest += [
             self.adc1,
@@ -318,6 +322,7 @@ class Machine:
         for peripheral in self.bus.peripherals:
             peripheral.reset()
         self.usart.from_host.clear()
+        self.usart2.from_host.clear()
         self.usart3.from_host.clear()
         self.can.wire.power_off()
         self.powered = False

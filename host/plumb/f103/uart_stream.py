@@ -19,8 +19,6 @@ class WiredChip(Protocol):
     """The machine whose UART the stream is the other end of."""
 
     @property
-    def usart(self) -> Usart: ...
-    @property
     def now(self) -> int: ...
     @property
     def rom(self) -> object | None:
@@ -34,19 +32,20 @@ class WiredChip(Protocol):
 class UartStream:
     """read, write and in_waiting of a serial port. timeout: simulated seconds that a read waits for its first byte."""
 
-    def __init__(self, machine: WiredChip) -> None:
-        self.machine = machine
+    def __init__(self, machine: WiredChip, usart: Usart, *, of_rom: bool = False) -> None:
+        """of_rom: the ROM bootloader, while it runs, has this UART."""
+        self.machine, self._usart, self._of_rom = machine, usart, of_rom
         self.timeout = 0.02
         self.name = "the virtual board"
         self._arrived = bytearray()
 
     @property
     def baudrate(self) -> int:
-        return self.machine.usart.host_baud
+        return self._usart.host_baud
 
     @baudrate.setter
     def baudrate(self, baud: int) -> None:
-        self.machine.usart.host_baud = baud
+        self._usart.host_baud = baud
 
     def clock_s(self) -> float:
         """Simulated seconds, the clock of all time-outs, so that a run does not depend on the speed of the host."""
@@ -54,10 +53,10 @@ class UartStream:
 
     def write(self, data: bytes) -> int:
         """Queue bytes on the line to the board; they arrive at the baud rate as simulated time passes."""
-        if self.machine.rom is not None:
+        if self._of_rom and self.machine.rom is not None:
             self._arrived += self.machine.rom_receives(bytes(data))
         else:
-            self.machine.usart.receive(bytes(data))
+            self._usart.receive(bytes(data))
         return len(data)
 
     @property
@@ -73,7 +72,7 @@ class UartStream:
         deadline = machine.now + int(self.timeout * TICKS_PER_S)
         self._collect()
         while len(self._arrived) < min(size, LOOK_AHEAD) and machine.now < deadline:
-            under_way = machine.usart.time_of_byte(LOOK_AHEAD - len(self._arrived))
+            under_way = self._usart.time_of_byte(LOOK_AHEAD - len(self._arrived))
             if under_way is not None:
                 machine.run_to(min(under_way, deadline))
             elif self._arrived:
@@ -86,7 +85,7 @@ class UartStream:
         return out
 
     def _collect(self) -> None:
-        self._arrived += self.machine.usart.bytes_out(self.machine.now)
+        self._arrived += self._usart.bytes_out(self.machine.now)
 
     def reset_input_buffer(self) -> None:
         self._collect()
@@ -102,13 +101,13 @@ class UartStream:
 
     def write_with_framing_error(self, data: bytes) -> None:
         for byte in data:
-            self.machine.usart.receive(bytes([byte]), FE)
+            self._usart.receive(bytes([byte]), FE)
 
     def write_with_noise(self, data: bytes) -> None:
         for byte in data:
-            self.machine.usart.receive(bytes([byte]), NE)
+            self._usart.receive(bytes([byte]), NE)
 
     def write_overrun(self, data: bytes) -> None:
         """Send bytes that take their time on the line but that the receiver loses, with its overrun flag set."""
         for byte in data:
-            self.machine.usart.receive(bytes([byte]), ORE)
+            self._usart.receive(bytes([byte]), ORE)

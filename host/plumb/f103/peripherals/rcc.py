@@ -42,7 +42,18 @@ APB2_CLOCKS = {
     "SPI1": 12,
     "USART1": 14,
 }
-APB1_CLOCKS = {"TIM2": 0, "TIM3": 1, "TIM4": 2, "WWDG": 11, "USART3": 18, "I2C1": 21, "CAN": 25, "BKP": 27, "PWR": 28}
+APB1_CLOCKS = {
+    "TIM2": 0,
+    "TIM3": 1,
+    "TIM4": 2,
+    "WWDG": 11,
+    "USART2": 17,
+    "USART3": 18,
+    "I2C1": 21,
+    "CAN": 25,
+    "BKP": 27,
+    "PWR": 28,
+}
 AHB_CLOCKS = {"DMA1": 0, "CRC": 6}
 
 

@@ -1,4 +1,4 @@
-"""USART1 and USART3 (RM0008 chapter 27), each with its line in both directions, byte times from BRR, by polling or
+"""USART1 to USART3 (RM0008 chapter 27), each with its line in both directions, byte times from BRR, by polling or
 interrupt, USART1 by DMA, too.
 
 Bytes on DMA are moved in bursts: every access to the state (a status register, CNDTR, an event, the host) first brings
@@ -148,7 +148,7 @@ class Usart(Peripheral, ABC):
         port, pin = self._pins()[0]
         works = self.machine.ports[port].is_alternate_output(pin)
         if not works:
-            self.machine.warn(f"{self.name} sends, but P{'AB'[port]}{pin} is not an alternate-function output")
+            self.machine.warn(f"{self.name} sends, but P{'ABCDE'[port]}{pin} is not an alternate-function output")
         return works
 
     def _hears(self) -> bool:
@@ -459,6 +459,19 @@ class Usart1(Usart):
         if port == 1 and tim4.clocked and tim4.ccer & 1:
             self.machine.warn("USART1 and channel 1 of TIM4 are both switched to PB6")
         return super()._pin_works()
+
+
+class Usart2(Usart):
+    """USART2 on PA2 and PA3, or PD5 and PD6; its DMA channels are not modelled."""
+
+    TRACED = False
+
+    def __init__(self, machine: Mcu) -> None:
+        super().__init__(machine, "USART2", 0x40004400, 38)
+        self.reset()
+
+    def _pins(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        return ((3, 5), (3, 6)) if self.machine.afio.mapr & 1 << 3 else ((0, 2), (0, 3))
 
 
 class Usart3(Usart):
