@@ -27,7 +27,7 @@ def folders(tool: ModuleType, *paths: str) -> set[str]:
 
 
 def test_a_change_runs_its_floor_and_those_above(tool: ModuleType) -> None:
-    found = folders(tool, "host/plumb/boards/native.py")
+    found = folders(tool, "host/plumb/boards/native/board.py")
     assert {"tests/boards", "tests/proof", "tests/cli"} <= found
     assert not {"tests/link", "tests/kernels", "tests/spec"} & found
 

@@ -96,7 +96,7 @@ for line in (
 
 SERVED = """
 import threading
-from plumb.boards.native_served import open_native
+from plumb.boards.native.served import open_native
 from plumb.boards.serve import serve
 from plumb.link.session import Session
 names, over = [], threading.Event()

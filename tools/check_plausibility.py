@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from plumb import systems
-from plumb.boards import native_core, native_plant
+from plumb.boards.native import core as native_core
+from plumb.boards.native import plant as native_plant
 from plumb.contract import disturbance
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.contract.scenario import PushedSystem, tuning_for

@@ -28,8 +28,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from plumb import systems
-from plumb.boards import native_core, native_plant
 from plumb.boards.contract import Answer
+from plumb.boards.native import core as native_core
+from plumb.boards.native import plant as native_plant
 from plumb.contract import run_reference
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.contract.scenario import Scenario, System, fitted, tuning_for

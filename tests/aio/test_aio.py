@@ -17,8 +17,8 @@ import plumb
 from plumb.aio import link_thread
 from plumb.aio.link_thread import LinkThread
 from plumb.aio.samples import _Sink
-from plumb.boards.native_mcu import NativeMcu
-from plumb.boards.native_port import FollowingUart, NativePort
+from plumb.boards.native.mcu import NativeMcu
+from plumb.boards.native.port import FollowingUart, NativePort
 from plumb.link.transports.byte_stream import ObjectStream
 from plumb.link.transports.slcan_bus import PlumbBus
 from support.cut_cable import Cable

@@ -12,7 +12,7 @@ import pytest
 from plumb import __main__ as front
 from plumb.analyses.identification import loop_test, pid_tuning, plant_fit, tested_loop
 from plumb.analyses.identification.pid_design import Wanted
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.judging.quadrotor import loops

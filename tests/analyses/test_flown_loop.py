@@ -12,9 +12,9 @@ from plumb import __main__ as front
 from plumb.analyses.identification import flown_loop, pid_tuning, plant_fit
 from plumb.analyses.identification.loop_test import on_twin
 from plumb.analyses.identification.pid_design import Wanted
-from plumb.boards import native_core
 from plumb.boards.contract import RawCounts, Setpoints
-from plumb.boards.native import NativeBoard
+from plumb.boards.native import core as native_core
+from plumb.boards.native.board import NativeBoard
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.systems.quadrotor import scenarios

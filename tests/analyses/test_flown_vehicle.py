@@ -16,8 +16,8 @@ from plumb import __main__ as front
 from plumb.analyses.identification import vehicle_fit
 from plumb.analyses.identification.vehicle_fit import VehicleFit
 from plumb.api.parameters import Parameters
-from plumb.boards import native_core
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.boards.native import core as native_core
 from plumb.cli import options, tune_vehicle
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError

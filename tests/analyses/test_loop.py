@@ -11,7 +11,7 @@ import pytest
 
 from plumb.analyses.identification import loop_test, pid_design, pid_tuning, plant_fit, tested_loop
 from plumb.analyses.identification.pid_design import Wanted
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.kernels.reference.kernels import PidState, kalman_init, kalman_step, pid_step

@@ -13,7 +13,7 @@ import pytest
 
 import plumb
 from plumb.api.connection import Board
-from plumb.boards.native_port import NativePort
+from plumb.boards.native.port import NativePort
 from plumb.boards.virtual import VirtualBoard
 from plumb.link.monitor import Monitor
 from plumb.link.session import Session

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from plumb.boards.client_time import ClientTime
-from plumb.boards.native_served import ServedNative, open_native
+from plumb.boards.native.served import ServedNative, open_native
 from plumb.boards.serve import run_paced
 from plumb.contract.scenario import Plant
 from plumb.f103.core.timeline import TICKS_PER_S

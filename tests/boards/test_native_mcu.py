@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from plumb.boards.native_mcu import NativeCanBus, NativeMcu, State
+from plumb.boards.native.mcu import NativeCanBus, NativeMcu, State
 from plumb.errors import LinkError
 from plumb.link.session import Session
 from plumb.spec import parameters

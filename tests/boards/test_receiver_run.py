@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plumb.boards.native_mcu import NativeMcu
+from plumb.boards.native.mcu import NativeMcu
 from plumb.boards.pulse_train import on_native, on_pin
 from plumb.contract import run_fixed
 from plumb.f103.core.timeline import TICKS_PER_US

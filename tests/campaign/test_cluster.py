@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from plumb.__main__ import main
-from plumb.boards.native_core import CORE_VARIABLE, core_path
+from plumb.boards.native.core import CORE_VARIABLE, core_path
 from plumb.campaign import campaign
 from plumb.campaign.campaign import Where
 from plumb.campaign.results import Results

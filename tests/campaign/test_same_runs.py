@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from plumb import systems
-from plumb.boards import native_plant
+from plumb.boards.native import plant as native_plant
 from plumb.campaign import batch
 from plumb.campaign.study import Study, from_table
 from plumb.proof import runs, scenario_run

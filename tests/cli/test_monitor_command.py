@@ -13,7 +13,7 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.boards.link import LinkBoard
-from plumb.boards.native_port import NativePort
+from plumb.boards.native.port import NativePort
 from plumb.cli import monitor_line
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams

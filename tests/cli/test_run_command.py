@@ -17,7 +17,7 @@ import pytest
 from plumb import __main__ as front
 from plumb import systems
 from plumb.boards.contract import Answer, RawCounts, Setpoints
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof import gain_changes, runs

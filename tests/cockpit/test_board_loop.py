@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb.boards.native import NativeBoard
-from plumb.boards.native_mcu import NativeCanBus
+from plumb.boards.native.board import NativeBoard
+from plumb.boards.native.mcu import NativeCanBus
 from plumb.cockpit import board_loop
 from plumb.cockpit.board_run import ORDERS_MAX
 from plumb.cockpit.hold import TIMEOUT_S

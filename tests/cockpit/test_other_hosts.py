@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb.boards.native_mcu import NativeCanBus
+from plumb.boards.native.mcu import NativeCanBus
 from plumb.link.session import Session
 from support.cockpit_bench import HOLDER, NEUTRAL_HALFUS, CockpitBench, colour
 

@@ -99,7 +99,7 @@ def test_the_comparison_is_a_fair_one() -> None:
     """On seeds 0-19 neither more nor less R or Q of the bias is better for the arctangent alone."""
     from dataclasses import replace
 
-    from plumb.boards import native_core
+    from plumb.boards.native import core as native_core
     from plumb.contract.parameters import quantise
 
     batches = [Batch.of(name, range(0, 20, 2)) for name in ("rough", "smooth")]
@@ -209,7 +209,7 @@ def test_the_vehicle_follows_its_command_better_once_it_is_settled() -> None:
 
 def test_a_push_tips_it_and_it_comes_back() -> None:
     """The largest of the prescribed pushes: 6 m/s^2 for 0.15 s, before there is any command."""
-    from plumb.boards.native import NativeBoard
+    from plumb.boards.native.board import NativeBoard
     from plumb.contract.parameters import quantise
     from plumb.physics.sensors import Push
     from plumb.proof import runs

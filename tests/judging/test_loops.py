@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.contract.parameters import quantise
 from plumb.judging.balancer import figures as balancer_figures
 from plumb.judging.balancer import loops as balancer_loops

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.judging.quadrotor import figures, loops, sweep

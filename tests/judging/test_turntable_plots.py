@@ -7,8 +7,8 @@ import html
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
 from plumb.boards.contract import Answer
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.contract.scenario import fitted
 from plumb.judging.turntable import figures as turntable_figures

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.kernels.fixed import trig
 from plumb.proof import accuracy
 from support.each_run import each

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError

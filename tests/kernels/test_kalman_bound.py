@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_reference
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.kernels.fixed import kernels as fixed_kernels

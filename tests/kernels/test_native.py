@@ -10,7 +10,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from plumb.boards import native_build, native_core
+from plumb.boards.native import build as native_build
+from plumb.boards.native import core as native_core
 from plumb.cli import doctor
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams, quantise

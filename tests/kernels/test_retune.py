@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.contract.step import FIXED, RetunedStep

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.spec import parameters

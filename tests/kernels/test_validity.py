@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import ControlParams
 from plumb.spec import declarations, parameters
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from plumb.boards.native_mcu import NEVER
+from plumb.boards.native.mcu import NEVER
 from plumb.errors import LinkError
 from plumb.link.monitor import Monitor
 from plumb.physics.battery import Battery

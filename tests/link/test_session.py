@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from plumb import systems
-from plumb.boards.native_mcu import NEVER
+from plumb.boards.native.mcu import NEVER
 from plumb.contract.parameters import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.link.identity import NackError

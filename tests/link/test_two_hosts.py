@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from plumb.boards.native_mcu import State
+from plumb.boards.native.mcu import State
 from plumb.link.identity import BLOCKING_FAULTS
 from plumb.spec import parameters
 from support.campaigns import LONG, campaign

@@ -13,7 +13,7 @@ pytest.importorskip("unicorn")
 from plumb import __main__ as front
 from plumb import systems
 from plumb.boards.contract import Answer
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.proof import confirmed
 from support.campaigns import campaign
 from support.declared_systems import without_output

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import plumb.__main__ as front
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof import golden, golden_manifest, golden_recipe

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from plumb import systems
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.compare import first_divergence

@@ -19,9 +19,10 @@ import pytest
 
 import plumb
 import plumb.__main__ as front
-from plumb.boards import native_core, open_board
+from plumb.boards import open_board
 from plumb.boards.contract import Answer, GivesWordsOfSteps
-from plumb.boards.native import NativeBoard
+from plumb.boards.native import core as native_core
+from plumb.boards.native.board import NativeBoard
 from plumb.boards.program import vector_text
 from plumb.contract import run_fixed
 from plumb.errors import LinkError

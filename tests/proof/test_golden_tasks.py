@@ -12,8 +12,9 @@ from typing import Any
 import pytest
 
 import plumb.__main__ as front
-from plumb.boards import native_core, open_board
+from plumb.boards import open_board
 from plumb.boards.contract import Answer
+from plumb.boards.native import core as native_core
 from plumb.errors import UsageError
 from plumb.link.endpoint_names import parse_board
 from plumb.proof import golden, golden_recipe

@@ -9,7 +9,7 @@ from collections.abc import Collection
 import numpy as np
 import pytest
 
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.contract.parameters import quantise
 from plumb.errors import ExitCode, exit_code_of
 from plumb.link.realtime import Capture

@@ -15,8 +15,8 @@ import pytest
 
 from plumb import __main__ as front
 from plumb import __version__
-from plumb.boards.native import NativeBoard
-from plumb.boards.native_core import core_path
+from plumb.boards.native.board import NativeBoard
+from plumb.boards.native.core import core_path
 from plumb.checkout import CHECKOUT
 from plumb.contract.parameters import quantise
 from plumb.errors import UsageError

@@ -17,7 +17,7 @@ from plumb import systems
 from plumb.boards import open_board
 from plumb.boards.contract import RawCounts, Setpoints, StepBoard
 from plumb.boards.in_process import InProcessParts
-from plumb.boards.native import NativeBoard as NativeCore
+from plumb.boards.native.board import NativeBoard as NativeCore
 from plumb.errors import UnverifiedError, UsageError
 from plumb.link.paced import PacedRun
 from plumb.proof.runs import judge

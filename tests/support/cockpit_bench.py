@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from plumb.boards.link import LinkBoard
-from plumb.boards.native_port import NativePort
+from plumb.boards.native.port import NativePort
 from plumb.cockpit.arming import Answer
 from plumb.cockpit.board_loop import BoardLoop
 from plumb.cockpit.hold import Hold

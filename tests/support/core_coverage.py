@@ -17,7 +17,7 @@ RUN = """
 import ctypes, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.proof import golden
 for vector in golden.load(Path(sys.argv[1])):
     if vector.task is not None:

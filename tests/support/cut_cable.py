@@ -10,7 +10,7 @@ import pytest
 
 from plumb.api import connection, reconnection
 from plumb.boards.link import LinkBoard
-from plumb.boards.native_mcu import NativeCanBus
+from plumb.boards.native.mcu import NativeCanBus
 from plumb.link.session import Session
 from plumb.link.transports.byte_stream import ClosedError
 from plumb.spec.protocol import Frame

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_fixed
 from plumb.contract.parameters import ControlParams
 from plumb.proof.compare import first_divergence

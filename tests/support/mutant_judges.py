@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plumb.boards.native_core import CORE_VARIABLE
+from plumb.boards.native.core import CORE_VARIABLE
 from plumb.proof.golden_file import Vector
 
 LONGEST_S = 60

@@ -2,7 +2,7 @@
 
     PLUMB_MUTANTS=one.so:two.so PLUMB_MUTANTS_REPORT=report.txt pytest -p support.mutant_watch TESTS
 
-What a test calls in `plumb.boards.native_core` is called with each library, too, on the same inputs. The test sees the
+What a test calls in `plumb.boards.native.core` is called with each library, too, on the same inputs. The test sees the
 core's answer alone. PLUMB_MUTANTS_REPORT gets a line, the library and the test, for the first tests in which a library
 answers otherwise.
 """
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 
 MUTANTS_VARIABLE, REPORT_VARIABLE = "PLUMB_MUTANTS", "PLUMB_MUTANTS_REPORT"
 MOST_TESTS = 3

@@ -9,7 +9,7 @@ import ctypes
 from collections.abc import Callable
 from pathlib import Path
 
-from plumb.boards.native_mcu import NativeCanBus, NativeMcu, NativeUart, State
+from plumb.boards.native.mcu import NativeCanBus, NativeMcu, NativeUart, State
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "native" / "tests" / "c"
 SLICE_US = 100

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from plumb.boards.native_mcu import NativeCanBus, NativeMcu
+from plumb.boards.native.mcu import NativeCanBus, NativeMcu
 from plumb.spec.protocol import Frame
 
 

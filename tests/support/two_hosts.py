@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from enum import IntEnum
 
-from plumb.boards.native_mcu import NativeMcu
+from plumb.boards.native.mcu import NativeMcu
 from plumb.spec.protocol import Frame, check, protocol
 from support.native_board import BUILD
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import plumb
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.systems.attitude import scenarios as attitude

@@ -11,7 +11,7 @@ import pytest
 from plumb.analyses.comparison import motions
 from plumb.analyses.comparison.contenders import contenders
 from plumb.analyses.comparison.table import compare
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_fixed
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.attitude import scenarios as attitude

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_fixed, run_reference
 from plumb.contract.parameters import ControlParams, dequantise, quantise
 from plumb.errors import UsageError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from plumb import systems
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.contract.parameters import quantise
 from plumb.contract.scenario import fitted
 from plumb.judging.angles import MAIN

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import disturbance
 from plumb.contract.parameters import quantise
 from plumb.contract.scenario import Plant, Scenario

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from plumb import systems
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.contract.scenario import tuning_for
 from plumb.errors import UsageError

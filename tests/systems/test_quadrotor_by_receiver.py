@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plumb.boards.native_mcu import NativeMcu
+from plumb.boards.native.mcu import NativeMcu
 from plumb.contract import run_fixed
 from plumb.link.realtime import Capture
 from plumb.link.sample_codec import layout_of, sample_frames

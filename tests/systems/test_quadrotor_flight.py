@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from plumb.boards.fixed import FixedBoard
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.judging.quadrotor import loops, plots

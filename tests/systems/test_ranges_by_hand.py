@@ -7,7 +7,7 @@ from itertools import product
 
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import ControlParams
 from plumb.spec import declarations, parameters
 from plumb.systems.balancer import fixed as balancer

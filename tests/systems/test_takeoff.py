@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from plumb import systems
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.kernels.fixed import takeoff

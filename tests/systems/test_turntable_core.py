@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import disturbance, run_fixed, run_reference
 from plumb.contract.parameters import ControlParams, dequantise, quantise
 from plumb.errors import UsageError

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.physics.sensors import Fault
 from plumb.spec.arrays import BoolArray, FloatArray

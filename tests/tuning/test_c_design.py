@@ -198,7 +198,7 @@ def test_drawn_tunings_have_the_words_of_python_or_are_refused_alike(system: str
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_accepted_designs_are_valid_for_the_step(system: str) -> None:
-    from plumb.boards import native_core
+    from plumb.boards.native import core as native_core
 
     for tuning in tunings(system).values():
         words = c_design.design(tuning).words

@@ -415,7 +415,7 @@ class Board:
             raise UsageError(f"{self.name} is closed: connect again")
         system, scenario, seed, open_loop = self._plant
         if self.name == "native" and self._talks_to is None:
-            from plumb.boards.native_port import NativePort
+            from plumb.boards.native.port import NativePort
 
             name = system or declarations.names()[0]
             _, plant = plant_on_pins.plant_of(name, scenario, seed, open_loop=open_loop)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from plumb.api import arguments
 from plumb.api.signals import ArraySignals, StepSignals
 from plumb.audit import warned
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.errors import UsageError
 from plumb.proof.scenario_run import tuning_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from plumb.api.kept_parameters import KeptParameters
 from plumb.api.parameter_limits import float_limits, int_limits
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.errors import UsageError
 from plumb.link import parameter_table

@@ -34,7 +34,7 @@ from plumb import systems
 from plumb.bench.instruction_counter import Counter, Image, InstructionTrace
 from plumb.bench.live_frame import LiveFrame, live_frame
 from plumb.bench.m3_timing import path_cost
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.boards.virtual import VirtualBoard
 from plumb.checkout import CHECKOUT
 from plumb.contract.parameters import ControlParams, quantise

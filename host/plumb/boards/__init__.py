@@ -42,7 +42,7 @@ def open_board(spec: str, *, link: str = "serial", image: Path | None = None) ->
 
         return FixedBoard()
     if name.kind == "native":
-        from plumb.boards.native import NativeBoard
+        from plumb.boards.native.board import NativeBoard
 
         return NativeBoard()
     if name.kind == "qemu":

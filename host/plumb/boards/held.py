@@ -30,7 +30,7 @@ def open_held(kind: str, name: str, seed: int, *, link: str = "serial", image: P
     without poses."""
     plant, hand = systems.load(name, POSES).held(seed)
     if kind == "native":
-        from plumb.boards.native_port import NativePort
+        from plumb.boards.native.port import NativePort
 
         return HeldBoard(NativePort(name, plant), hand)
     from plumb.boards.plant_on_pins import FOUND_US, configure_as

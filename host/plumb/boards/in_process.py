@@ -1,4 +1,4 @@
-"""A board in this process: the integer model in Python, or the C core (`plumb.boards.fixed`, `plumb.boards.native`)."""
+"""A board in this process: the integer model in Python, or the C core (`plumb.boards.fixed`, `plumb.boards.native.board`)."""
 
 from __future__ import annotations
 

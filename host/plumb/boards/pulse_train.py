@@ -13,7 +13,7 @@ from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.spec import crsf, ppm
 
 if TYPE_CHECKING:
-    from plumb.boards.native_mcu import NativeMcu
+    from plumb.boards.native.mcu import NativeMcu
     from plumb.f103.machine import Machine
 
 PIN = "PA8"

@@ -18,8 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plumb import systems
-from plumb.boards import native_core, native_plant, open_board
+from plumb.boards import open_board
 from plumb.boards.contract import Answer
+from plumb.boards.native import core as native_core
+from plumb.boards.native import plant as native_plant
 from plumb.campaign import recorded
 from plumb.campaign.recorded import RecordedRequest
 from plumb.campaign.study import Study

@@ -132,8 +132,8 @@ def tools() -> Iterator[Finding]:
 
 
 def native_core() -> Finding:
-    from plumb.boards import native_build
-    from plumb.boards import native_core as native
+    from plumb.boards.native import build as native_build
+    from plumb.boards.native import core as native
     from plumb.errors import UsageError
 
     try:

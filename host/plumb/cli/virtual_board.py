@@ -251,7 +251,7 @@ def _native(
 ) -> tuple[Served, Join, KeptSlots | None, Receive, Attach]:
     """The main loop on a board in memory."""
     from plumb.boards.flash_file import read_slots
-    from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
+    from plumb.boards.native.served import NativeJoint, NativeSlots, open_native
     from plumb.boards.pulse_train import on_native
     from plumb.boards.strap import BY_PIN_SET
     from plumb.errors import UsageError

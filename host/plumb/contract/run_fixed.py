@@ -2,7 +2,7 @@
 
 The model is written from docs/reference/arithmetic/kernels.md, not from the C. Each system's fixed.py has
 `control_init(p)` and `control_step(c, p, raw, setpoint)`, which returns the values of the record's words in order; the
-shared kernels are in `plumb.kernels`. It computes one run, in Python's ints; `plumb.boards.native_core` runs many.
+shared kernels are in `plumb.kernels`. It computes one run, in Python's ints; `plumb.boards.native.core` runs many.
 """
 
 from __future__ import annotations

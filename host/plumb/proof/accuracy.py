@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
-from plumb.boards import native_core
-from plumb.boards.native import NativeBoard
+from plumb.boards.native import core as native_core
+from plumb.boards.native.board import NativeBoard
 from plumb.contract import run_reference
 from plumb.contract.parameters import ControlParams, groups_of, quantise
 from plumb.contract.scenario import fitted

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from plumb import systems
 from plumb.boards.contract import StepBoard
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.contract.parameters import quantise
 from plumb.contract.scenario import fitted, tuning_for
 from plumb.proof import runs

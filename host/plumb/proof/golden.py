@@ -17,8 +17,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from plumb.boards import native_core
 from plumb.boards.contract import StepBoard
+from plumb.boards.native import core as native_core
 from plumb.boards.tasks import RunsTasks
 from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.contract import run_fixed

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumb.boards import native_core
 from plumb.boards.contract import Answer, StepBoard
+from plumb.boards.native import core as native_core
 from plumb.boards.tasks import RunsTasks
 from plumb.contract import run_fixed
 from plumb.proof.compare import Divergence, divergence_at, first_digest_divergence, first_divergence

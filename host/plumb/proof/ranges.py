@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from plumb import systems
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.proof import golden
 from plumb.spec.records import RECORDS, names_of
 

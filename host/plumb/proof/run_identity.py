@@ -18,7 +18,7 @@ import numpy as np
 
 from plumb.boards.contract import StepBoard
 from plumb.boards.link import LinkBoard
-from plumb.boards.native import NativeBoard
+from plumb.boards.native.board import NativeBoard
 from plumb.boards.qemu import QemuBoard
 from plumb.boards.virtual import VirtualBoard
 from plumb.contract.parameters import ControlParams
@@ -66,7 +66,7 @@ def part_of(board: StepBoard) -> dict[str, object]:
     """Identity of the board that ran the steps, its image, and its own report; {} where a part is unknown."""
     found: dict[str, object] = {"board": board.name}
     if isinstance(board, NativeBoard):
-        from plumb.boards.native_core import core_path
+        from plumb.boards.native.core import core_path
 
         return {**found, "image": image_of(core_path())}
     if isinstance(board, QemuBoard):

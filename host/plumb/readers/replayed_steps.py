@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import ControlParams
 from plumb.contract.run_fixed import check_inputs
 from plumb.errors import UsageError

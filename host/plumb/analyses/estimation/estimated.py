@@ -12,7 +12,7 @@ import numpy as np
 from plumb import systems
 from plumb.analyses.comparison import published
 from plumb.analyses.estimation import verticals
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import ControlParams
 from plumb.errors import UsageError
 from plumb.readers import recording

@@ -46,7 +46,7 @@ class NativeSteered:
     """The main loop as built for this machine, its lines without delay."""
 
     def __init__(self, system: str, radio: Radio) -> None:
-        from plumb.boards.native_port import NativePort
+        from plumb.boards.native.port import NativePort
 
         self.period_us = int(steered(system).TUNING.period_us)
         self.board = self._port = NativePort(system, None)

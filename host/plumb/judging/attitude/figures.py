@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_reference
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.figures import Figure, Sense

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.physics.airframe import Airframe
 from plumb.physics.imu import ImuGrade

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import native_core, native_plant
+from plumb.boards.native import core as native_core
+from plumb.boards.native import plant as native_plant
 from plumb.contract.parameters import quantise
 from plumb.judging.balancer.plots import DUTY, TURN_DEG
 from plumb.kernels.reference import kernels as reference_kernels

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_reference
 from plumb.contract.parameters import quantise
 from plumb.judging.balancer import loops

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.judging.balancer.plots import DUTY, RATE_DPS, TURN_DEG
 from plumb.judging.balancer.rides import Batch
@@ -98,7 +98,7 @@ def taken_off() -> list[Plot]:
 
 def closed_plots() -> list[Plot]:
     """Closed loop on the estimate, 10 s to 50 s of `rough`: tilt, velocity, duty and pushes."""
-    from plumb.boards.native import NativeBoard
+    from plumb.boards.native.board import NativeBoard
 
     run = balancer.scenario("rough", PLOTTED_SEED)
     trial = closed_loop(NativeBoard(), run, quantise(balancer.TUNED))

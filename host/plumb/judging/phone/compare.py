@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from plumb.analyses.comparison.samples import Estimate, Samples
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof.runs import RunInputs
 from plumb.spec.tuning import AnyTuning

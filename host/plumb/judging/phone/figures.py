@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract import run_reference
 from plumb.contract.parameters import quantise
 from plumb.kernels.reference.blending import complementary_step, weighted_average

@@ -13,7 +13,8 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import native_core, native_plant
+from plumb.boards.native import core as native_core
+from plumb.boards.native import plant as native_plant
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.judging.quad import loops
 from plumb.judging.quad import plots as quad_plots
@@ -347,7 +348,7 @@ def bandwidth_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 def disturbed(tuning: str) -> tuple[Run, Plot, Plot]:
     """`disturb` on the native core: the run, a plot of the tilt (measured, true, fused), and one of the bias."""
-    from plumb.boards.native import NativeBoard
+    from plumb.boards.native.board import NativeBoard
 
     run = quad.scenario("disturb", PLOTTED_SEED)
     trial = open_loop(NativeBoard(), prescribed(run), quantise(quad.TUNINGS[tuning]))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from plumb.boards import native_plant
+from plumb.boards.native import plant as native_plant
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.physics.airframe import HUMMINGBIRD_X, Airframe
 from plumb.physics.pilots import vertical

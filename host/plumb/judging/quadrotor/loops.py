@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.physics.airframe import HUMMINGBIRD_X, Airframe
 from plumb.spec.arrays import FloatArray

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import native_core
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import quantise
 from plumb.judging.turntable import gyro as turntable_gyro
 from plumb.judging.turntable.plots import RATE_DPS, attitude, reference_attitude

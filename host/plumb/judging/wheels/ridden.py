@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import native_core, native_plant
+from plumb.boards.native import core as native_core
+from plumb.boards.native import plant as native_plant
 from plumb.contract.parameters import ControlParams, quantise
 from plumb.proof import moments
 from plumb.spec.arrays import FloatArray

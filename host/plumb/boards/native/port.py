@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from plumb import systems
 from plumb.boards.link import LinkBoard
-from plumb.boards.native_mcu import NativeUart
-from plumb.boards.native_served import ServedNative, open_native
+from plumb.boards.native.mcu import NativeUart
+from plumb.boards.native.served import ServedNative, open_native
 from plumb.contract.scenario import Plant
 from plumb.link.session import Session
 

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
-from plumb.boards import native_build, native_core
 from plumb.boards.contract import RawCounts, Setpoints
+from plumb.boards.native import build as native_build
+from plumb.boards.native import core as native_core
 from plumb.contract.parameters import ControlParams
 from plumb.contract.scenario import Scenario
 from plumb.errors import UsageError

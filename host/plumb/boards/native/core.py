@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards.native_build import BUILD, stale_text
+from plumb.boards.native.build import BUILD, stale_text
 from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.contract.parameters import Changes, ControlParams
 from plumb.contract.run_fixed import check_inputs, parts_of

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plumb.boards import native_core
 from plumb.boards.in_process import InProcessBoard
+from plumb.boards.native import core as native_core
 
 if TYPE_CHECKING:
     from plumb.boards.contract import RawCounts, Setpoints

@@ -24,7 +24,7 @@ from pathlib import Path
 import can
 from can.typechecking import CanFilters
 
-from plumb.boards.native_build import BUILD
+from plumb.boards.native.build import BUILD
 from plumb.errors import UsageError
 from plumb.spec.protocol import Frame, check, protocol
 

@@ -15,7 +15,7 @@ import can
 
 from plumb import systems
 from plumb.boards.flash_file import SLOTS_BYTES, KeptSlots
-from plumb.boards.native_mcu import NativeMcu, State
+from plumb.boards.native.mcu import NativeMcu, State
 from plumb.contract.parameters import quantise
 from plumb.contract.scenario import Plant, calibrated_words, sensor_words
 from plumb.f103.core.timeline import TICKS_PER_US
