@@ -1,4 +1,4 @@
-"""A board in this process: the integer model in Python, or the C core (`plumb.boards.fixed`, `plumb.boards.native.board`)."""
+"""A board in this process: the integer model in Python (`plumb.boards.fixed`), or the C core (`native.board` beside it)."""
 
 from __future__ import annotations
 
