@@ -60,7 +60,7 @@ class Watched:
     in us."""
 
     def __init__(self, image: bytes, slot: bytes = b"") -> None:
-        self.machine = Machine(image)
+        self.machine = Machine(image, faults="run")
         self.machine.flash.store(SLOTS, slot)
         at_rest(self.machine)
         self.frames: set[tuple[float, float, float]] = set()

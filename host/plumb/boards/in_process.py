@@ -1,4 +1,4 @@
-"""A board in this process: the integer model in Python (`plumb.boards.fixed`), or the C core (`native.board` beside it)."""
+"""A board in this process: the integer model in Python (`plumb.boards.fixed`), or the C core (`native.board`)."""
 
 from __future__ import annotations
 

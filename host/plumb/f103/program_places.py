@@ -47,7 +47,7 @@ class ElfPlaces:
         index = bisect.bisect(rows, (address, 1 << 33, "")) - 1
         return rows[index][2] if index >= 0 and address < rows[index][1] else ""
 
-    def _elf(self, stream: Any) -> Any:  # pyelftools has no types
+    def _elf(self, stream: Any) -> Any:  # Any: pyelftools has no types
         from elftools.elf.elffile import ELFFile
 
         return ELFFile(stream)
@@ -73,7 +73,7 @@ class ElfPlaces:
         return sorted(rows)
 
 
-def _lines_of(program: Any) -> list[tuple[int, int, str]]:
+def _lines_of(program: Any) -> list[tuple[int, int, str]]:  # Any: pyelftools has no types
     """Stretches of addresses with their file and line."""
     files, first = program["file_entry"], 0 if program["version"] >= 5 else 1
     rows: list[tuple[int, int, str]] = []

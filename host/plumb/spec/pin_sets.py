@@ -109,7 +109,7 @@ def _read() -> tuple[PinSet, ...]:
     )
 
 
-def _cell(pins: Sequence[str], row: Mapping[str, Any], name: str) -> Cell:
+def _cell(pins: Sequence[str], row: Mapping[str, Any], name: str) -> Cell:  # Any: a table of TOML
     said = row.get(name, {"modes": ["open"], "does": ""})
     if isinstance(said, str):
         said = {"as": said}

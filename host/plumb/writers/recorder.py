@@ -13,6 +13,7 @@ import can
 from plumb.errors import UsageError
 from plumb.files.block_file import exists_sentence
 from plumb.link.session import Session
+from plumb.link.transports.waiting_board import is_wall_clock
 from plumb.link.used_tables import ALL_PARAMETERS, UsedTables
 from plumb.spec.protocol import Frame, protocol
 from plumb.writers.log_writer import LogWriter
@@ -138,7 +139,7 @@ class Recorder:
         begun_with: Sequence[int] | None = None,
         read: bool = True,
     ) -> None:
-        simulated = session.clock is not time.monotonic
+        simulated = not is_wall_clock(session.clock)
         self._clock = session.clock
         self._epoch_s = 0.0 if simulated else time.time() - time.monotonic()  # so that no time runs back
         board = (session.identity or session.connect()).items

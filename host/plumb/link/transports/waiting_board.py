@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import os
 import re
+import time
 from collections.abc import Callable
 
 from plumb.link.transports.byte_stream import SerialStream, SocketStream, Stream
@@ -47,6 +48,12 @@ def is_perhaps_served(stream: Stream) -> bool:
     return terminal or isinstance(stream, SocketStream)
 
 
+def is_wall_clock(clock: Callable[[], float]) -> bool:
+    """True for the clock of a line to another process, which may stand at times; False for simulated time."""
+    owner = getattr(clock, "__self__", None)
+    return is_wall_clock(owner.line_clock) if isinstance(owner, AnsweringStream) else clock is time.monotonic
+
+
 class AnsweringStream:
     """The client's side of a stream: takes the marks out of what is read, and answers them with the next read.
 
@@ -58,6 +65,11 @@ class AnsweringStream:
         self._marks, self.marked = 0, False
         self._stood_s, self._since_s, self._told_s = 0.0, 0.0, 0.0
         self._stands = False
+
+    @property
+    def line_clock(self) -> Callable[[], float]:
+        """The clock of the line, which never stands."""
+        return self._stream.clock
 
     def _time(self) -> float:
         """Time of the stream in seconds, without that for which the board stood."""
