@@ -105,7 +105,7 @@ def test_a_flight_goes_on_after_a_stop_and_is_not_late(tmp_path: Path, capsys: p
     with debugger(look):
         command = ["fly", "--board", "virtual", "--gdb", "0", "--seconds", "120", "--out", str(tmp_path), "--json"]
         command += ["--system", "quadrotor"]
-        assert main(command) == ExitCode.GOOD
+        assert main(command) == ExitCode.INTERRUPTED
     said = capsys.readouterr()
     assert "gdb may come: gdb-multiarch" in said.err
     assert json.loads(said.out.splitlines()[-1])["board"] == "virtual"

@@ -25,6 +25,7 @@ import can
 from can.typechecking import CanFilters
 
 from plumb.boards.native.build import BUILD
+from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError
 from plumb.spec.protocol import Frame, check, protocol
 
@@ -93,8 +94,7 @@ NEVER = 0xFFFFFFFF
 
 def library_path() -> Path:
     """Path of the library; without one raises UsageError, which says how to build it."""
-    package = Path(__file__).resolve().parents[1]
-    for path in (package / LIBRARY, package.parents[1] / "build" / "native" / LIBRARY):
+    for path in (PACKAGE / LIBRARY, CHECKOUT / "build" / "native" / LIBRARY):
         if path.is_file():
             return path
     raise UsageError(f"the native board is not built: run '{BUILD}' in the checkout, or 'pip install .' there")
