@@ -1,5 +1,4 @@
 #include "arming_reasons.h"
-#include "pilot.h"
 
 bool session_armed(const session_t *s) {
     return arming_armed(&s->arming);
@@ -15,6 +14,12 @@ bool session_actuator_present(const session_t *s) {
     return USED_ACTUATORS && (s->status.faults & BOARD_FAULT_STRAP) == 0 &&
            s->board->pins == pins[s->system->output];
 }
+
+#if USED_RECEIVER
+bool session_has_receiver(const session_t *s) {
+    return s->params->receiver != 0U && s->system->has_receiver;
+}
+#endif
 
 bool session_piloted(const session_t *s) {
     return session_has_receiver(s) && arming_armed(&s->arming) && s->arming.by_switch;

@@ -15,6 +15,17 @@ const control_system_t *session_checked(const session_t *s);
 /* True when the board started with the pin set of the actuator that the system drives. */
 bool session_actuator_present(const session_t *s);
 
+/* True when a pilot's receiver steers the system: it may have one, and the parameter `receiver` chooses one.
+ */
+#if USED_RECEIVER
+bool session_has_receiver(const session_t *s);
+#else
+static inline bool session_has_receiver(const session_t *s) {
+    (void)s;
+    return false;
+}
+#endif
+
 /* True while a pilot's switch holds the board armed. Then no host ends or begins a run, and the link of a
  * host does not matter. Of the faults of a board that flies only SESSION_FAULTS_FLOWN, and steps that do not
  * come, disarm: in the air a reason that is none is a crash. Its step handles lost sensors and a lost

@@ -3,10 +3,6 @@
 #include "arming_reasons.h"
 #include "stepping.h"
 
-bool session_has_receiver(const session_t *s) {
-    return s->params->receiver != 0U && s->system->has_receiver;
-}
-
 /* Only one of the two lines counts, by the parameter. */
 static void receive_sticks(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us) {
     s->receiver.by_sticks = s->params->receiver % 2U == 0U;

@@ -1,6 +1,5 @@
 /* The pilot, by his radio receiver: its sticks set setpoint and commands, its switch arms and disarms, and a
- * run begins for it without a host. Where no system may have a receiver, the build takes pilot_none.c: there
- * is no pilot. */
+ * run begins for it without a host. Where no system of the image may have a receiver there is no pilot. */
 #ifndef PLUMB_LINK_PILOT_H
 #define PLUMB_LINK_PILOT_H
 
@@ -9,10 +8,6 @@
 #define SESSION_ALONE_US 1000000U /* without a run for so long the board begins one for its pilot */
 
 #if USED_RECEIVER
-/* True when a pilot's receiver steers the system: it may have one, and the parameter `receiver` chooses one.
- */
-bool session_has_receiver(const session_t *s);
-
 /* Fetch and handle what came on the lines of the receiver. In a run in real time of a system that has one,
  * while the parameter `receiver` is not 0, they set setpoint and commands, and no host does. Its switch arms
  * (session_follow_pilot()). Call on every whole turn. */
@@ -32,10 +27,6 @@ void session_end_alone(session_t *s, uint32_t now_us);
 uint32_t session_pilot(const session_t *s);
 void session_pilot_changed(session_t *s, uint32_t before);
 #else
-static inline bool session_has_receiver(const session_t *s) {
-    (void)s;
-    return false;
-}
 static inline void session_receive_pilot(session_t *s, uint32_t now_us) {
     (void)s, (void)now_us;
 }

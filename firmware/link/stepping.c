@@ -1,6 +1,5 @@
 #include "stepping.h"
 #include "arming_reasons.h"
-#include "pilot.h"
 
 void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
     s->bootloader_asked = false;

@@ -17,6 +17,7 @@ COMPILER = "arm-none-eabi-gcc"
 FLAGS = [
     *("-mcpu=cortex-m3", "-mthumb", "-std=c99", "-O2", "-g", "-Wall", "-Wextra", "-Werror"),
     *("-ffreestanding", "-nostdlib", "-nostartfiles", f"-I{HERE.parents[1] / 'firmware'}"),
+    f"-I{HERE.parents[1] / 'firmware' / 'ports' / 'stm32f103'}",  # generated/pin_modes.h asks for a header of the port
     f"-I{HERE.parents[1] / 'build' / 'stm32f103' / 'systems'}",
 ]
 
