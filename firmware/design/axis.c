@@ -1,5 +1,6 @@
 /* The settings that one-axis systems share. */
 #include "groups.h"
+#include "pid_settings.h"
 
 #define FINITE(group, member) plumb_design_finite(d, #group "." #member, t->group->member)
 
@@ -69,5 +70,5 @@ void plumb_design_axis(plumb_design_t *d, const design_axis_t *t, plumb_params_t
     plumb_design_channel(d, &gyro, &t->calibration->gyro, plumb_design_turn_unit(), &params->gyro);
     plumb_design_channel(d, &accel, &t->calibration->accel, plumb_design_g_unit(), &params->accel);
     plumb_design_channel(d, &accel_up, &t->calibration->accel_up, plumb_design_g_unit(), &params->accel_up);
-    plumb_design_pid(d, t->pid, t->period_us, &params->pid);
+    pid_words(d, t->pid, t->period_us, &params->pid);
 }

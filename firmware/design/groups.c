@@ -1,5 +1,4 @@
 #include "groups.h"
-#include "pid_settings.h"
 
 #define CALIBRATION_MOST 1879048192 /* 7 * 2^28 */
 
@@ -175,9 +174,4 @@ void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names
     words->gain = (int32_t)gain;
     words->offset =
         (int32_t)plumb_design_whole(d, names->zero_counts, channel->zero_counts, zero, -most - 1, most);
-}
-
-void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t period_us,
-                      plumb_pid_params_t *words) {
-    pid_words(d, pid, period_us, words);
 }

@@ -102,9 +102,6 @@ void plumb_design_filter_check(plumb_design_t *d, const design_filter_t *f, int3
 void plumb_design_filter(plumb_design_t *d, const design_filter_t *f, int32_t period_us, wide_t *unit_deg2,
                          design_filter_words_t *words);
 
-void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t period_us,
-                      plumb_pid_params_t *words);
-
 /* Pulses, in order and within what speed controllers take. */
 void plumb_design_esc(plumb_design_t *d, const plumb_esc_tuning_t *t, plumb_esc_params_t *words);
 
