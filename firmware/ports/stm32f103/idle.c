@@ -2,6 +2,9 @@
 #include "app/board.h"
 
 volatile bool idle_over;
+#if USED_ACTUATORS
+volatile bool idle_news;
+#endif
 
 void board_idle(void) {
     for (;;) {

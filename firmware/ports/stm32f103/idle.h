@@ -16,7 +16,7 @@ static inline void idle_end(void) {
  * turn fetches, or what board_sensor_health() tells and what may be over before.
  * idle_turns(): that turn begins. */
 #if USED_ACTUATORS
-extern volatile bool idle_news; /* of work.c */
+extern volatile bool idle_news;
 static inline void idle_tell(void) {
     idle_news = true;
 }

@@ -5,8 +5,6 @@
 #include "idle.h"
 #include "uart.h"
 
-volatile bool idle_news;
-
 bool board_work_waits(void) {
     return idle_news || uart_line_waits() || can_frame_waits();
 }
