@@ -17,7 +17,7 @@ from plumb.link.identity import NackError
 from plumb.link.monitor import watch
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
-from plumb.spec.parameters import table
+from plumb.spec.parameters import SCAN_US, table
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.turntable import scenarios as turntable
 from support.pins import LSB_V, PINS, at_rest
@@ -258,7 +258,7 @@ def test_oversampling_is_the_rounded_mean_of_scans_in_a_row(analog: Bench, log2:
         assert np.abs(np.diff(times[:, 0]) - PERIOD_US * 1e-6).max() < 1e-8, "the timer begins every period"
         assert times[:, -1].max() - times[:, 0].min() < 20 * PERIOD_US * 1e-6
         spread = times[:, -1] - times[:, 0]
-        assert np.all(spread <= (scans - 1) * 30e-6), "one scan after the other, 21 us and the interrupt"
+        assert np.all(spread <= (scans - 1) * SCAN_US * 1e-6), "one scan after the other, in the time of each"
     assert analog.machine.warnings == []
 
 

@@ -282,13 +282,17 @@ def test_a_flood_of_bytes_does_not_make_the_loop_late(stream: str) -> None:
     place = poll.address & ~1
     machine.cpu.uc.hook_add(UC_HOOK_CODE, lambda *_: turns.append(machine.now_us), begin=place, end=place + 1)
     machine.cpu.uc.hook_add(UC_HOOK_CODE, in_handler, begin=begin, end=end - 1)
+    steps: list[float] = []
+    step = elf.symbol("control_step").address & ~1
+    machine.cpu.uc.hook_add(UC_HOOK_CODE, lambda *_: steps.append(machine.now_us), begin=step, end=step + 1)
     machine.cpu.forget_code()
-    steps, data = flight.capture.steps, STREAMS[stream]
+    data = STREAMS[stream]
     flight.receive(data * (12_000 // len(data)))
     flight.fly(0.25, b"")
     assert max(b - a for a, b in pairwise(turns)) < 1300.0
     assert 10_000 < handled["bytes"] <= 12_000 and handled["instructions"] <= 25 * handled["bytes"]
-    assert flight.capture.steps - steps == 100
+    late_us = np.array(steps) - PERIOD_US * np.arange(len(steps))
+    assert len(steps) >= 99 and np.ptp(late_us) < 1300.0, "every step comes in the turn behind its tick"
     assert not flight.session.connect()["FAULTS"] & (LATE | OVERRUN) and machine.warnings == []
 
 
@@ -315,8 +319,9 @@ def own_times(machine: Any) -> defaultdict[int, list[float]]:
 
 
 def test_no_handler_keeps_a_byte_waiting_until_the_next_one_comes() -> None:
-    """A byte waits in the data register for 24 us. Handlers of the same priority, or of a higher one, take 16 us at
-    the most: the end of a transfer from the sensors. Their counts are checked when the next sample begins."""
+    """A byte waits in the data register until the next one is whole, 23.8 us. The longest handler of the same priority
+    is the end of a transfer from the sensors. Their counts are checked when the next sample begins. SysTick in
+    its midst adds 3.5 us, which may reach the time of a byte: one that is lost is counted, and its frame rejected."""
     flight = virtual()
     machine = flight.board
     flight.begin()
@@ -324,8 +329,9 @@ def test_no_handler_keeps_a_byte_waiting_until_the_next_one_comes() -> None:
     spent_us = own_times(machine)
     flight.receive(crsf.sticks() * 400)
     flight.fly(0.3, b"")
-    assert max(spent_us[39]) < 1.0 and len(spent_us) > 5
-    assert max(map(max, spent_us.values())) < 20.0
+    own_us = max(spent_us[39])
+    assert own_us < 1.0 and len(spent_us) > 5
+    assert max(map(max, spent_us.values())) + own_us < BYTE_S * 1e6
 
 
 def test_noise_at_the_pulse_input_makes_no_frames_and_nothing_late() -> None:
