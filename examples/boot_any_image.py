@@ -8,6 +8,8 @@ from pathlib import Path
 
 from plumb.f103 import FaultStop, Machine
 
+if len(sys.argv) < 3:
+    sys.exit(__doc__)
 machine = Machine(Path(sys.argv[1]))  # .bin, .hex or .elf; the power has just come on
 machine.uart.baudrate = int(sys.argv[3]) if len(sys.argv) > 3 else 921600
 try:

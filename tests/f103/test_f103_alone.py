@@ -49,6 +49,12 @@ def test_the_example_says_why_and_where_a_program_faults(build: Callable[[str], 
     assert re.match(r"HardFault after .* \(UNDEFINSTR\), pc 0x080[0-9A-F]{5} \(lr ", line)
 
 
+def test_the_example_without_an_image_says_how_it_is_called() -> None:
+    done = subprocess.run([sys.executable, str(EXAMPLE)], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "boot_any_image.py firmware.bin PC13" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_nothing_of_the_product_is_loaded(build: Callable[[str], Path]) -> None:
     program = (
         "import runpy, sys; sys.argv = sys.argv[1:]; runpy.run_path(sys.argv[0]); "

@@ -85,7 +85,12 @@ def test_content_decides_and_not_the_name(moved: Callable[[int], Path], tmp_path
 
 
 def test_a_wrong_offset_is_refused(moved: Callable[[int], Path]) -> None:
-    for offset, why in ((0x4000, "for offset 0x4000"), (0x1001, "no multiple"), (-0x100, "no multiple")):
+    for offset, why in (
+        (0x4000, "for offset 0x4000"),
+        (0x1001, "no multiple"),
+        (-0x100, "offset -256 is not in the flash"),
+        (10**9, "not in the flash"),
+    ):
         with pytest.raises(UsageError, match=why):
             says_hello(moved(0).with_suffix(".bin"), offset=offset)
     with pytest.raises(UsageError, match="no vector table at 0x08001000"):

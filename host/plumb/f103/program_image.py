@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from plumb.errors import UsageError
-from plumb.flash.image import FLASH_BASE, has_addresses, read_flash
+from plumb.flash.image import FLASH_BASE, FLASH_BYTES, has_addresses, read_flash
 
 OFFSETS = (0x800, 0x1000, 0x2000, 0x3000, 0x4000, 0x5000, 0x7000, 0x8000, 0xC000, 0x10000)
 """Sizes of boot loaders for this part that are in use: where the vector table of a .bin may belong."""
@@ -45,7 +45,9 @@ def load_program(image: bytes | Path, offset: int | None = None) -> Program:
     """
     name = str(image) if isinstance(image, Path) else "the image"
     data = read_flash(image) if isinstance(image, Path) else image
-    if offset is not None and (offset % TABLE_STEP or offset < 0):
+    if offset is not None and not 0 <= offset < FLASH_BYTES:
+        raise UsageError(f"offset {offset} is not in the flash: give 0 to {FLASH_BYTES - TABLE_STEP} bytes")
+    if offset is not None and offset % TABLE_STEP:
         raise UsageError(f"offset 0x{offset:X} is no multiple of 0x{TABLE_STEP:X}, as a vector table wants")
     if isinstance(image, Path) and has_addresses(image):
         return Program(data, _table_in(data, offset, name))
